@@ -1,0 +1,194 @@
+"""The pinhole camera: world <-> pixels, named views, camera.json."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+# azimuth, elevation in degrees: where the eye stands, 0 = in front (+z), azimuth towards +x
+NAMED_VIEWS = {
+    "front": (0.0, 0.0),
+    "three-quarter": (-30.0, 15.0),
+    "side": (90.0, 0.0),
+    "back": (180.0, 0.0),
+    "top": (0.0, 89.0),
+}
+DEFAULT_FOV = 30.0
+DEFAULT_SIZE = 768
+MARGIN = 0.08  # of the canvas, left free on each side of a fitted shape
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera with square pixels.
+
+    Parameters
+    ----------
+    eye, target, up : (3,) float, world units
+    fov_y : float, degrees, the angle that the image height subtends
+    width, height : int, pixels
+
+    Raises
+    ------
+    ValueError
+        where the camera could not see anything: eye at the target, up along the view, a bad angle or size.
+    """
+
+    eye: np.ndarray
+    target: np.ndarray
+    up: np.ndarray
+    fov_y: float
+    width: int
+    height: int
+
+    def __post_init__(self):
+        for name in ("eye", "target", "up"):
+            value = np.array(getattr(self, name), dtype=np.float64)
+            if value.shape != (3,) or not np.isfinite(value).all():
+                raise ValueError(f"camera {name} must be three finite numbers, got {getattr(self, name)!r}")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        if not 1.0 <= float(self.fov_y) <= 150.0:
+            raise ValueError(f"camera fov_y must lie between 1 and 150 degrees, got {self.fov_y}")
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if int(value) != value or not 16 <= value <= 16384:
+                raise ValueError(f"camera {name} must be a whole number of pixels from 16 to 16384, got {value}")
+            object.__setattr__(self, name, int(value))
+        object.__setattr__(self, "fov_y", float(self.fov_y))
+        forward = self.target - self.eye
+        if np.linalg.norm(forward) < 1e-9:
+            raise ValueError("camera eye and target are the same point")
+        if np.linalg.norm(np.cross(forward, self.up)) < 1e-9 * np.linalg.norm(forward):
+            raise ValueError("camera up points along the view direction: give another up vector")
+
+    @property
+    def axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Unit vectors (right, down, forward) of the image, in world coordinates, each (3,)."""
+        forward = self.target - self.eye
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, self.up)
+        right = right / np.linalg.norm(right)
+        return right, np.cross(forward, right), forward
+
+    @property
+    def focal(self) -> float:
+        """Focal length in pixels."""
+        return 0.5 * self.height / np.tan(0.5 * np.radians(self.fov_y))
+
+    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """World points (N, 3) -> pixels (N, 2) and depth along the view axis (N,).
+
+        Points at or behind the eye have depth <= 0; their pixels are meaningless but finite.
+        """
+        right, down, forward = self.axes
+        rel = np.asarray(points, np.float64) - self.eye
+        depth = rel @ forward
+        scale = self.focal / np.where(np.abs(depth) < 1e-12, 1e-12, depth)
+        xy = np.stack([rel @ right * scale + 0.5 * self.width, rel @ down * scale + 0.5 * self.height], axis=1)
+        return xy, depth
+
+    def rays(self, xy: np.ndarray) -> np.ndarray:
+        """Pixels (N, 2) -> unit directions (N, 3) from the eye."""
+        right, down, forward = self.axes
+        xy = np.asarray(xy, np.float64)
+        direction = (
+            (xy[:, :1] - 0.5 * self.width) * right + (xy[:, 1:] - 0.5 * self.height) * down + self.focal * forward
+        )
+        return direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+    def pixel_centres(self) -> np.ndarray:
+        """Centres of all pixels, row by row, (H*W, 2)."""
+        x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
+        return np.stack([x.ravel(), y.ravel()], axis=1)
+
+    def to_dict(self) -> dict:
+        return {
+            "eye": self.eye.tolist(),
+            "target": self.target.tolist(),
+            "up": self.up.tolist(),
+            "fov_y_deg": self.fov_y,
+            "size": [self.width, self.height],
+        }
+
+    @classmethod
+    def from_dict(cls, data: dict, where: str = "camera") -> Camera:
+        """Raises ValueError, naming `where`, on a missing or malformed entry."""
+        if not isinstance(data, dict):
+            raise ValueError(f"{where}: expected a JSON object with eye, target, up, fov_y_deg and size")
+        missing = [key for key in ("eye", "target", "fov_y_deg", "size") if key not in data]
+        if missing:
+            raise ValueError(f"{where}: no {', '.join(missing)} in it; a camera needs eye, target, fov_y_deg and size")
+        try:
+            width, height = data["size"]
+            return cls(data["eye"], data["target"], data.get("up", [0, 1, 0]), data["fov_y_deg"], width, height)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{where}: {error}") from None
+
+    @classmethod
+    def load(cls, path: str | Path) -> Camera:
+        """Read a camera.json, or a .json written by `strokestyle extract` (its "camera" entry)."""
+        path = Path(path)
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+        except (UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise ValueError(f"{path}: not a camera file (JSON expected: {error})") from None
+        if isinstance(data, dict) and isinstance(data.get("camera"), dict):
+            data = data["camera"]
+        return cls.from_dict(data, str(path))
+
+
+def parse_view(text: str) -> tuple[float, float]:
+    """A named view or "AZ,EL" -> (azimuth, elevation) in degrees. Raises ValueError."""
+    if text in NAMED_VIEWS:
+        return NAMED_VIEWS[text]
+    try:
+        azimuth, elevation = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(
+            f"view {text!r} is neither one of {', '.join(NAMED_VIEWS)} nor AZIMUTH,ELEVATION in degrees"
+        ) from None
+    if not (np.isfinite(azimuth) and -90.0 <= elevation <= 90.0):
+        raise ValueError(f"view {text!r}: the elevation must lie between -90 and 90 degrees")
+    return azimuth, float(np.clip(elevation, -89.9, 89.9))
+
+
+def fit_camera(
+    vertices: np.ndarray,
+    view: str = "three-quarter",
+    fov_y: float = DEFAULT_FOV,
+    width: int = DEFAULT_SIZE,
+    height: int = DEFAULT_SIZE,
+    up: str = "y",
+) -> Camera:
+    """The camera of a named view that shows all `vertices` (V, 3), as large as the margin allows.
+
+    `up` names the world axis that points up in the picture ("y" or "z"). With up = "z" a shape's front faces -y.
+    The shape's picture is centred, so target is the point of the axis through that centre, not the centroid.
+    """
+    azimuth, elevation = np.radians(parse_view(view))
+    out = np.array([np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)])
+    up_axis = np.array([0.0, 1.0, 0.0])
+    if up == "z":
+        out, up_axis = np.array([out[0], -out[2], out[1]]), np.array([0.0, 0.0, 1.0])
+    elif up != "y":
+        raise ValueError(f"up must be y or z, got {up!r}")
+    vertices = np.asarray(vertices, np.float64)
+    centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    radius = max(float(np.linalg.norm(vertices - centre, axis=1).max()), 1e-9)
+    room = (1.0 - 2.0 * MARGIN) * 0.5 * np.array([width, height])  # pixels from the centre to the margin
+    half_angle = 0.5 * np.radians(fov_y) * min(1.0, width / height)
+    target, distance = centre, 1.05 * radius / np.sin(half_angle)
+    for _ in range(8):  # perspective: moving changes the extent, so iterate; it settles in 3 or 4 rounds
+        camera = Camera(target + distance * out, target, up_axis, fov_y, width, height)
+        xy, depth = camera.project(vertices)
+        low, high = xy.min(axis=0), xy.max(axis=0)
+        right, down, _ = camera.axes
+        shift = 0.5 * (low + high) - 0.5 * np.array([width, height])
+        target = target + (shift[0] * right + shift[1] * down) * distance / camera.focal
+        nearest = distance - depth.min()  # how far the shape reaches towards the eye from the target plane
+        distance = max(distance * float((0.5 * (high - low) / room).max()), nearest + 0.05 * radius)
+    return Camera(target + distance * out, target, up_axis, fov_y, width, height)

@@ -1,0 +1,201 @@
+"""Ragged image polylines: the plain curves that an artist, or a style, draws over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Line kinds in order of priority: where two run together, the earlier one stays.
+KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent", "intersection", "other")
+DEFAULT_SPACING = 3.0  # px between curve points, as in the authors' code
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Visible polylines on the image.
+
+    Parameters
+    ----------
+    xy : (N, 2) float64, pixels
+    offsets : (C+1,) int64, curve i is rows offsets[i]:offsets[i+1]; every curve has at least two points
+    kind : (C,) int8, index into KINDS
+    closed : (C,) bool; a closed curve repeats its first point as its last
+
+    Raises
+    ------
+    ValueError
+        on a wrong shape, a value that is not finite, or offsets that do not rise by at least two.
+    """
+
+    xy: np.ndarray
+    offsets: np.ndarray
+    kind: np.ndarray
+    closed: np.ndarray
+
+    def __post_init__(self):
+        xy = np.asarray(self.xy, np.float64)
+        offsets = np.asarray(self.offsets, np.int64)
+        kind = np.asarray(self.kind, np.int8)
+        closed = np.asarray(self.closed, bool)
+        if xy.ndim != 2 or xy.shape[1] != 2:
+            raise ValueError(f"Curves.xy must have shape (N, 2), got {xy.shape}")
+        if not np.isfinite(xy).all():
+            raise ValueError("Curves.xy holds values that are not finite")
+        check_offsets(offsets, len(xy), 2, "Curves")
+        count = len(offsets) - 1
+        if kind.shape != (count,) or closed.shape != (count,):
+            raise ValueError(
+                f"Curves.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}"
+            )
+        if count and not (0 <= kind.min() and kind.max() < len(KINDS)):
+            raise ValueError(f"Curves.kind must lie in 0..{len(KINDS) - 1}")
+        for name, value in (("xy", xy), ("offsets", offsets), ("kind", kind), ("closed", closed)):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    def __getitem__(self, i: int) -> np.ndarray:
+        """Points of curve i, (n, 2)."""
+        return self.xy[self.offsets[i] : self.offsets[i + 1]]
+
+    @classmethod
+    def empty(cls) -> Curves:
+        return cls(np.zeros((0, 2)), np.zeros(1, np.int64), np.zeros(0, np.int8), np.zeros(0, bool))
+
+    @classmethod
+    def from_list(cls, polylines: list[np.ndarray], kind=None, closed=None) -> Curves:
+        """Polylines [(n, 2), ...] -> Curves. Kind defaults to "other", closed to first point == last point."""
+        if not polylines:
+            return cls.empty()
+        polylines = [np.asarray(line, np.float64).reshape(-1, 2) for line in polylines]
+        if kind is None:
+            kind = np.full(len(polylines), KINDS.index("other"))
+        if closed is None:
+            closed = [len(line) > 3 and np.array_equal(line[0], line[-1]) for line in polylines]
+        return cls(np.concatenate(polylines), np.r_[0, np.cumsum([len(p) for p in polylines])], kind, closed)
+
+    def take(self, index) -> Curves:
+        """The curves of an index or mask over C, in that order."""
+        index = np.arange(len(self))[np.asarray(index)]
+        rows, offsets = take_ragged(self.offsets, index)
+        return Curves(self.xy[rows], offsets, self.kind[index], self.closed[index])
+
+    def lengths(self) -> np.ndarray:
+        """Arc length of each curve, (C,), pixels."""
+        total = arc_length(self.xy, self.offsets)
+        return total[self.offsets[1:] - 1] if len(self) else np.zeros(0)
+
+
+def check_offsets(offsets: np.ndarray, rows: int, least: int, what: str) -> None:
+    """Raise ValueError unless `offsets` cuts `rows` rows into pieces of at least `least`."""
+    good = offsets.ndim == 1 and len(offsets) >= 1 and offsets[0] == 0 and offsets[-1] == rows
+    if not (good and (np.diff(offsets) >= least).all()):
+        raise ValueError(f"{what}.offsets must run from 0 to {rows} in steps of at least {least}")
+
+
+def take_ragged(offsets: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the pieces `index`, one after the other, and their new offsets."""
+    count = np.diff(offsets)[index]
+    new = np.r_[0, np.cumsum(count)]
+    rows = np.arange(new[-1]) + np.repeat(offsets[index] - new[:-1], count)
+    return rows, new
+
+
+def owner(offsets: np.ndarray) -> np.ndarray:
+    """The curve that each row belongs to, (N,)."""
+    return np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+
+
+def arc_length(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Distance along its own curve from the curve's start, (N,), in units of `xy` (N, d)."""
+    if not len(xy):
+        return np.zeros(0)
+    step = np.r_[0.0, np.linalg.norm(np.diff(xy, axis=0), axis=1)]
+    step[offsets[:-1]] = 0.0
+    total = np.cumsum(step)
+    return total - np.repeat(total[offsets[:-1]], np.diff(offsets))
+
+
+def tangents(xy: np.ndarray, offsets: np.ndarray, closed: np.ndarray | None = None) -> np.ndarray:
+    """Unit tangents (N, 2) by central differences, one-sided at the ends, wrapped on closed curves.
+
+    Where neighbours coincide the tangent is (1, 0): finite, and of no consequence for a stroke of no length.
+    """
+    if not len(xy):
+        return np.zeros((0, 2))
+    first, last = offsets[:-1], offsets[1:] - 1
+    before, after = np.arange(len(xy)) - 1, np.arange(len(xy)) + 1
+    before[first], after[last] = first, last
+    if closed is not None:
+        before[first[closed]] = last[closed] - 1
+        after[last[closed]] = first[closed] + 1
+    d = xy[after] - xy[before]
+    norm = np.linalg.norm(d, axis=1)
+    return np.where(norm[:, None] > 1e-12, d / np.maximum(norm, 1e-12)[:, None], [1.0, 0.0])
+
+
+def resample(
+    xy: np.ndarray, offsets: np.ndarray, spacing: float, *fields: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Evenly spaced points on every polyline; both end points are kept.
+
+    The step of each curve is the one nearest `spacing` that divides its length.
+
+    Parameters
+    ----------
+    xy : (N, d) float
+    offsets : (C+1,) int
+    spacing : float, in units of xy
+    *fields : (N,) or (N, k) float, carried along linearly
+
+    Returns
+    -------
+    xy (M, d), offsets (C+1,), [fields (M,) or (M, k)]
+    """
+    if not len(xy):
+        return xy, offsets, list(fields)
+    along = arc_length(xy, offsets)
+    length = along[offsets[1:] - 1]
+    count = np.maximum(np.rint(length / spacing).astype(np.int64), 1) + 1
+    new = np.r_[0, np.cumsum(count)]
+    t = (np.arange(new[-1]) - np.repeat(new[:-1], count)) / np.repeat(count - 1, count)
+    # one np.interp over all curves: lay them end to end, with a gap between them
+    shift = np.r_[0.0, np.cumsum(length + 1.0)[:-1]]
+    place = along + np.repeat(shift, np.diff(offsets))
+    at = t * np.repeat(length, count) + np.repeat(shift, count)
+
+    def carry(values):
+        flat = np.asarray(values, np.float64).reshape(len(xy), -1)
+        out = np.stack([np.interp(at, place, column) for column in flat.T], axis=1)
+        return out.reshape((len(at),) + np.shape(values)[1:])
+
+    out = carry(xy)
+    out[new[:-1]], out[new[1:] - 1] = xy[offsets[:-1]], xy[offsets[1:] - 1]
+    return out, new, [carry(field) for field in fields]
+
+
+def resample_curves(curves: Curves, spacing: float) -> Curves:
+    xy, offsets, _ = resample(curves.xy, curves.offsets, spacing)
+    return Curves(xy, offsets, curves.kind, curves.closed)
+
+
+def simplify(xy: np.ndarray, tolerance: float) -> np.ndarray:
+    """Indices (sorted) of the points of one polyline (n, d) kept by Ramer-Douglas-Peucker."""
+    keep = np.zeros(len(xy), bool)
+    keep[[0, -1]] = True
+    stack = [(0, len(xy) - 1)]
+    while stack:
+        a, b = stack.pop()
+        if b - a < 2:
+            continue
+        chord = xy[b] - xy[a]
+        rel = xy[a + 1 : b] - xy[a]
+        t = np.clip(rel @ chord / max(chord @ chord, 1e-18), 0.0, 1.0)
+        distance = np.linalg.norm(rel - t[:, None] * chord, axis=1)
+        k = int(distance.argmax())
+        if distance[k] > tolerance:
+            keep[a + 1 + k] = True
+            stack += [(a, a + 1 + k), (a + 1 + k, b)]
+    return np.flatnonzero(keep)
