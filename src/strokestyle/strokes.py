@@ -1,0 +1,122 @@
+"""Strokes and Drawing: centre lines with thickness, their outlines, and the u-v texture that fills them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .curves import KINDS, check_offsets
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """Centre lines with a thickness at every point.
+
+    Parameters
+    ----------
+    xy : (N, 2) float64, pixels
+    thickness : (N,) float64, full width in pixels, >= 0
+    offsets : (C+1,) int64, stroke i is rows offsets[i]:offsets[i+1], at least two
+    kind : (C,) int8, index into curves.KINDS
+    closed : (C,) bool; a closed stroke repeats its first point as its last
+
+    Raises
+    ------
+    ValueError
+        on a wrong shape, a value that is not finite, or a negative thickness.
+    """
+
+    xy: np.ndarray
+    thickness: np.ndarray
+    offsets: np.ndarray
+    kind: np.ndarray
+    closed: np.ndarray
+
+    def __post_init__(self):
+        xy = np.asarray(self.xy, np.float64)
+        thickness = np.asarray(self.thickness, np.float64)
+        offsets = np.asarray(self.offsets, np.int64)
+        kind, closed = np.asarray(self.kind, np.int8), np.asarray(self.closed, bool)
+        if xy.ndim != 2 or xy.shape[1] != 2:
+            raise ValueError(f"Strokes.xy must have shape (N, 2), got {xy.shape}")
+        if thickness.shape != (len(xy),):
+            raise ValueError(f"Strokes.thickness must have shape ({len(xy)},), got {thickness.shape}")
+        if not (np.isfinite(xy).all() and np.isfinite(thickness).all()):
+            raise ValueError("Strokes holds values that are not finite")
+        if len(thickness) and thickness.min() < 0:
+            raise ValueError(f"Strokes.thickness must not be negative, got {thickness.min():g}")
+        check_offsets(offsets, len(xy), 2, "Strokes")
+        count = len(offsets) - 1
+        if kind.shape != (count,) or closed.shape != (count,):
+            raise ValueError(
+                f"Strokes.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}"
+            )
+        if count and not (0 <= kind.min() and kind.max() < len(KINDS)):
+            raise ValueError(f"Strokes.kind must lie in 0..{len(KINDS) - 1}")
+        for name, value in zip(
+            ("xy", "thickness", "offsets", "kind", "closed"), (xy, thickness, offsets, kind, closed), strict=True
+        ):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+
+@dataclass(frozen=True)
+class Texture:
+    """One strip of colours per stroke, in the stroke's own u-v space.
+
+    Parameters
+    ----------
+    rgba : (T, A, 4) uint8, straight alpha. Strip i is rows offsets[i]:offsets[i+1]; its row r of n lies at the
+        normalised arc length u = (r + 1/2) / n of the centre line. Column a of A lies across the stroke at
+        v = (2 a + 1) / A - 1, that is v * (thickness / 2 + margin) pixels along the normal (-t_y, t_x) of the tangent t.
+    offsets : (C+1,) int64
+    margin : float, pixels beyond the half thickness that the strips reach, so that soft edges are not cut
+    """
+
+    rgba: np.ndarray
+    offsets: np.ndarray
+    margin: float
+
+    def __post_init__(self):
+        rgba, offsets = np.asarray(self.rgba), np.asarray(self.offsets, np.int64)
+        if rgba.ndim != 3 or rgba.shape[2] != 4 or rgba.dtype != np.uint8 or rgba.shape[1] < 1:
+            raise ValueError(f"Texture.rgba must be uint8 of shape (T, A, 4), got {rgba.dtype} {rgba.shape}")
+        check_offsets(offsets, len(rgba), 1, "Texture")
+        if not 0 <= self.margin <= 100:
+            raise ValueError(f"Texture.margin must lie between 0 and 100 px, got {self.margin}")
+        object.__setattr__(self, "rgba", rgba)
+        object.__setattr__(self, "offsets", offsets)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What `render` writes: strokes in painting order, the flat ink of each, and perhaps a texture.
+
+    Parameters
+    ----------
+    strokes : Strokes
+    size : (width, height), pixels
+    color : (C, 4) float64 in [0, 1], straight RGBA: what a stroke looks like where no texture is wanted
+    texture : Texture with one strip per stroke, or None
+    """
+
+    strokes: Strokes
+    size: tuple[int, int]
+    color: np.ndarray
+    texture: Texture | None = None
+
+    def __post_init__(self):
+        color = np.asarray(self.color, np.float64)
+        if color.shape != (len(self.strokes), 4):
+            raise ValueError(f"Drawing.color must have shape ({len(self.strokes)}, 4), got {color.shape}")
+        if color.size and not (np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1):
+            raise ValueError("Drawing.color must lie between 0 and 1")
+        if self.texture is not None and len(self.texture.offsets) != len(self.strokes) + 1:
+            raise ValueError(
+                f"Drawing.texture has {len(self.texture.offsets) - 1} strips for {len(self.strokes)} strokes"
+            )
+        object.__setattr__(self, "color", color)
+        object.__setattr__(self, "size", (int(self.size[0]), int(self.size[1])))
