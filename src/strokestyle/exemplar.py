@@ -1,8 +1,8 @@
 """The artist's drawing, read from any image file: paper told from ink, ink colour from opacity, and a soft stroke mask.
 
 No paper describes this stage; the paper only asks for "a binary mask, anti-aliased" (sec. 4). What is done here:
-paper = a smooth field of block medians; opacity = the least that explains a pixel's difference from its paper, on a scale
-where the drawing's strongest ink is opaque; mask = that opacity, closed over the medium's grain just as far as it takes.
+paper = a smooth field of block medians; opacity = the least that explains a pixel's difference from its paper, on a
+scale where the drawing's strongest ink is opaque; mask = that opacity, closed over the grain just as far as it takes.
 """
 
 from __future__ import annotations
@@ -134,8 +134,8 @@ def load_exemplar(path: str | Path, width: int, height: int, curve_points: np.nd
     if agreement.far_ink > FAR_WARNED or agreement.bare_curve > 0.5:
         far, bare = 100 * agreement.far_ink, 100 * agreement.bare_curve
         note += ("; " if note else "") + (
-            f"{far:.0f} % of the ink lies farther than {agreement.near:.0f} px from every curve and {bare:.0f} % of the "
-            "curves have no ink near: are view, camera and line options those of the sheet it was drawn over?"
+            f"{far:.0f} % of the ink lies farther than {agreement.near:.0f} px from every curve and {bare:.0f} % of "
+            "the curves have no ink near: are view, camera and line options those of the sheet it was drawn over?"
         )
     return exemplar, note
 
@@ -169,8 +169,8 @@ def separate(sheet: np.ndarray, transparent: bool = False, name: str = "drawing"
         least = ((paper - rgb) / np.maximum(paper, 1e-3)).max(axis=-1)
         if mean_paper.mean() < 0.5:  # a dark sheet takes light ink; on a light one what is lighter is grain
             least = np.maximum(least, ((rgb - paper) / np.maximum(1.0 - paper, 1e-3)).max(axis=-1))
+        floor = max(2.0 / 255.0, 5.0 * float(np.median(np.abs(least - np.median(least)))))  # 3.4 sigma of the grain
         least = least.clip(0, 1)
-        floor = max(2.0 / 255.0, 5.0 * np.median(np.abs(least - np.median(least))))
     least = np.where(least > floor, least, 0.0)
     if floor > 0.01:  # the strongest of the grain passes the floor too, but stands away from all ink
         least = least * ndimage.binary_dilation(least > max(0.15, 2.0 * floor), iterations=5)
@@ -178,7 +178,7 @@ def separate(sheet: np.ndarray, transparent: bool = False, name: str = "drawing"
     share = float(held.mean())
     if share < 2e-4 and floor <= 0.5:
         tone = "black" if mean_paper.max() < 0.15 else "white" if mean_paper.min() > 0.97 else "of one tone"
-        raise ValueError(f"{name}: no strokes found on it: the sheet is all {tone}, or its ink too faint to tell from it")
+        raise ValueError(f"{name}: no strokes found: the sheet is all {tone}, or its ink too faint to tell from it")
     if share > 0.5 or floor > 0.5:
         raise ValueError(
             f"{name}: no paper to be found between its marks: a picture rather than a line drawing? "
