@@ -176,19 +176,22 @@ def fit_camera(
         out, up_axis = np.array([out[0], -out[2], out[1]]), np.array([0.0, 0.0, 1.0])
     elif up != "y":
         raise ValueError(f"up must be y or z, got {up!r}")
+    if not 1.0 <= fov_y <= 150.0:
+        raise ValueError(f"the field of view must lie between 1 and 150 degrees, got {fov_y:g}")
     vertices = np.asarray(vertices, np.float64)
     centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    radius = max(float(np.linalg.norm(vertices - centre, axis=1).max()), 1e-9)
-    room = (1.0 - 2.0 * MARGIN) * 0.5 * np.array([width, height])  # pixels from the centre to the margin
-    half_angle = 0.5 * np.radians(fov_y) * min(1.0, width / height)
-    target, distance = centre, 1.05 * radius / np.sin(half_angle)
-    for _ in range(8):  # perspective: moving changes the extent, so iterate; it settles in 3 or 4 rounds
-        camera = Camera(target + distance * out, target, up_axis, fov_y, width, height)
-        xy, depth = camera.project(vertices)
-        low, high = xy.min(axis=0), xy.max(axis=0)
-        right, down, _ = camera.axes
-        shift = 0.5 * (low + high) - 0.5 * np.array([width, height])
-        target = target + (shift[0] * right + shift[1] * down) * distance / camera.focal
-        nearest = distance - depth.min()  # how far the shape reaches towards the eye from the target plane
-        distance = max(distance * float((0.5 * (high - low) / room).max()), nearest + 0.05 * radius)
+    radius = max(float(np.linalg.norm(vertices - centre, axis=1).max()), 1e-6)
+    right, down, forward = Camera(centre + out, centre, up_axis, fov_y, width, height).axes
+    rel = vertices - centre
+    across, z = np.stack([rel @ right, rel @ down]), rel @ forward
+    # The four planes through the eye and the margins touch the shape: |x - c| <= slope (z + d), for both axes.
+    slope = (1.0 - 2.0 * MARGIN) * np.tan(0.5 * np.radians(fov_y)) * np.array([width / height, 1.0])
+    high = (across - slope[:, None] * z).max(axis=1)
+    low = (-across - slope[:, None] * z).max(axis=1)
+    distance = max(float(((high + low) / (2.0 * slope)).max()), 0.05 * radius - float(z.min()))
+    shift = 0.5 * (high - low)
+    for _ in range(20):  # the looser axis is not yet centred in perspective; this contracts quickly
+        seen = (across - shift[:, None]) / (z + distance)
+        shift = shift + 0.5 * (seen.max(axis=1) + seen.min(axis=1)) * distance
+    target = centre + shift[0] * right + shift[1] * down
     return Camera(target + distance * out, target, up_axis, fov_y, width, height)

@@ -1,0 +1,55 @@
+"""Imports go one way: every module imports only modules of a strictly lower rank, and only four import torch."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
+RANK = {
+    "camera": 0, "surface": 0, "curves": 0, "raster": 0, "model": 0,
+    "feature_curves": 1, "visibility": 1, "chaining": 1, "strokes": 1, "exemplar": 1, "curve_files": 1,
+    "view": 2, "svg": 2, "texture": 2,
+    "style": 3,
+    "fit": 4,
+    "cli": 5,
+}  # fmt: skip
+TORCH = {"raster", "model", "style", "fit"}
+ONLY = {"svgwrite": {"svg"}, "resvg_py": {"svg"}, "click": {"cli"}, "rich": {"cli"}, "embreex": {"visibility"}}
+
+
+def imports(path):
+    """(module, top level?) of every import in a file; our own modules as ".name"."""
+    tree = ast.parse(path.read_text())
+    top = set(tree.body)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name.split(".")[0], node in top) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            names = [node.module] if node.module else [alias.name for alias in node.names]
+            yield from (("." + name, node in top) for name in names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module.split(".")[0], node in top
+
+
+MODULES = sorted(path.stem for path in SOURCE.glob("*.py") if not path.stem.startswith("__"))
+
+
+def test_every_module_has_a_rank():
+    assert set(MODULES) == set(RANK)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_imports_point_down(name):
+    for module, _ in imports(SOURCE / f"{name}.py"):
+        if module.startswith(".") and module != ".__version__":
+            assert RANK[module[1:]] < RANK[name], f"{name} imports {module[1:]}"
+        if module == "torch":
+            assert name in TORCH or name == "cli"
+        assert name in ONLY.get(module, {name}), f"{module} belongs to {ONLY.get(module)}"
+
+
+def test_the_command_line_starts_without_the_heavy_libraries():
+    heavy = {"torch", "numpy", "scipy", "trimesh", "embreex", "PIL", "rich", "svgwrite"}
+    for module, top in imports(SOURCE / "cli.py"):
+        assert not (top and (module in heavy or module.startswith(".") and module[1:] in RANK)), module
