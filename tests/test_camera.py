@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from strokestyle.camera import MARGIN, NAMED_VIEWS, Camera, fit_camera, parse_view
+from strokestyle.camera import MARGIN, NAMED_VIEWS, Camera, fit_camera, parse_view, swept
 
 
 def front(width=200, height=100, fov=90.0, distance=2.0):
@@ -53,6 +53,23 @@ def test_named_views_look_from_where_they_say():
     assert np.allclose(fit_camera(box, "front", up="z").axes[2], [0, 1, 0])  # the front of a z-up shape faces -y
 
 
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_turning_is_the_azimuth_of_a_view(up):
+    box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    assert np.allclose(fit_camera(box, "0,20", up=up).turned(90.0).axes, fit_camera(box, "90,20", up=up).axes)
+    assert np.allclose(front().turned(360.0).eye, front().eye)
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_a_swept_shape_stays_inside_however_it_is_turned(up):
+    vertices = np.random.default_rng(2).normal(size=(500, 3)) * [1.0, 0.6, 0.2] + [0.5, 0, 1]
+    camera = fit_camera(swept(vertices, up), "20,15", up=up)
+    seen = np.concatenate([camera.turned(turn).project(vertices)[0] for turn in range(0, 360, 15)])
+    room = MARGIN * 768
+    assert seen.min() > room - 2 and seen.max() < 768 - room + 2
+    assert np.ptp(seen, axis=0).max() > 0.95 * (768 - 2 * room)
+
+
 def test_a_single_point_still_gives_a_camera():
     assert np.isfinite(fit_camera(np.zeros((1, 3))).eye).all()
 
@@ -72,9 +89,9 @@ def test_file_round_trip(tmp_path):
         ('{"eye": [0, 0, 1]}', "no target, fov_y_deg, size"),
         ('{"eye": [0, 0, 1], "target": [0, 0, 1], "fov_y_deg": 30, "size": [64, 64]}', "same point"),
         ('{"eye": [0, 9, 0], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64, 64]}', "up points along"),
-        ('{"eye": [0, 0, "x"], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64, 64]}', ""),
+        ('{"eye": [0, 0, "x"], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64, 64]}', "eye"),
         ('{"eye": [0, 0, 1], "target": [0, 0, 0], "fov_y_deg": 300, "size": [64, 64]}', "fov_y"),
-        ('{"eye": [0, 0, 1], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64]}', ""),
+        ('{"eye": [0, 0, 1], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64]}', "unpack"),
         ('{"eye": [0, 0, 1], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64, 1000000]}', "height"),
     ],
 )

@@ -46,7 +46,10 @@ class Camera:
 
     def __post_init__(self):
         for name in ("eye", "target", "up"):
-            value = np.array(getattr(self, name), dtype=np.float64)
+            try:
+                value = np.array(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError):
+                value = np.zeros(0)
             if value.shape != (3,) or not np.isfinite(value).all():
                 raise ValueError(f"camera {name} must be three finite numbers, got {getattr(self, name)!r}")
             value.setflags(write=False)
@@ -104,6 +107,15 @@ class Camera:
         """Centres of all pixels, row by row, (H*W, 2)."""
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         return np.stack([x.ravel(), y.ravel()], axis=1)
+
+    def turned(self, degrees: float) -> Camera:
+        """The eye carried round the upright axis through the target, anticlockwise seen from above."""
+        if not degrees:
+            return self
+        a, k = np.radians(degrees), self.up / np.linalg.norm(self.up)
+        r = self.eye - self.target
+        r = r * np.cos(a) + np.cross(k, r) * np.sin(a) + k * (k @ r) * (1.0 - np.cos(a))  # Rodrigues
+        return Camera(self.target + r, self.target, self.up, self.fov_y, self.width, self.height)
 
     def to_dict(self) -> dict:
         return {
@@ -195,3 +207,27 @@ def fit_camera(
         shift = shift + 0.5 * (seen.max(axis=1) + seen.min(axis=1)) * distance
     target = centre + shift[0] * right + shift[1] * down
     return Camera(target + distance * out, target, up_axis, fov_y, width, height)
+
+
+def swept(vertices: np.ndarray, up: str = "y", steps: int = 72) -> np.ndarray:
+    """Points that bound `vertices` (V, 3) however they are turned about the upright axis through their box's centre."""
+    vertices = np.asarray(vertices, np.float64)
+    centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    axis = "xyz".index(up)
+    flat = [i for i in range(3) if i != axis]
+    radius = np.hypot(*(vertices - centre)[:, flat].T)
+    height = vertices[:, axis]
+    bins = np.digitize(height, np.linspace(height.min(), height.max(), 129)[1:-1])
+    widest = np.zeros(128)
+    np.maximum.at(widest, bins, radius)
+    low, high = np.full(128, np.inf), np.full(128, -np.inf)
+    np.minimum.at(low, bins, height)
+    np.maximum.at(high, bins, height)
+    held = np.isfinite(low)
+    profile = np.concatenate([np.stack([widest, low], 1)[held], np.stack([widest, high], 1)[held]])
+    angle = np.linspace(0, 2 * np.pi, steps, endpoint=False)
+    out = np.empty((len(profile), steps, 3))
+    out[..., flat[0]] = centre[flat[0]] + profile[:, :1] * np.cos(angle)
+    out[..., flat[1]] = centre[flat[1]] + profile[:, :1] * np.sin(angle)
+    out[..., axis] = profile[:, 1:]
+    return out.reshape(-1, 3)

@@ -1,0 +1,686 @@
+"""The command line: each command reads files, calls one library function, writes one file, and says so on stderr."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+import time
+from pathlib import Path
+
+import click
+
+from . import __version__
+
+# Text for --help, so that it needs no import; tests/test_cli.py checks it against the library.
+VIEWS = "front, three-quarter, side, back, top"
+KIND_NAMES = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent")
+VIEW_SUFFIXES = (".npz",)
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".dae", ".xyz", ".wrl")
+PRESET_NAMES = ("quick", "standard", "paper")
+
+
+def say(text: str = "", level: int = 0) -> None:
+    """Tell the user on stderr; `level` 1 only with -v, and nothing with -q."""
+    if _verbosity() >= level:
+        click.echo(text, err=True)
+
+
+def _verbosity() -> int:
+    context = click.get_current_context(silent=True)
+    return context.meta.get("strokestyle.verbosity", 0) if context else 0
+
+
+class stage:
+    """`with stage("lines"):` says with -v how long that took."""
+
+    def __init__(self, name: str):
+        self.name = name
+
+    def __enter__(self):
+        self.start = time.perf_counter()
+
+    def __exit__(self, *error):
+        if error[0] is None:
+            say(f"  {self.name}: {time.perf_counter() - self.start:.2f} s", level=1)
+
+
+# ---------------------------------------------------------------------------------------------------- option types
+
+
+class Size(click.ParamType):
+    name = "PX|WxH"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).lower().split("x")
+        if len(parts) in (1, 2) and all(part.isdigit() for part in parts):
+            width, height = int(parts[0]), int(parts[-1])
+            if 64 <= width <= 8192 and 64 <= height <= 8192:
+                return width, height
+        self.fail(f"{value!r} is no canvas size: give pixels from 64 to 8192, such as 768 or 1024x768", param, ctx)
+
+
+class ViewName(click.ParamType):
+    name = "NAME|AZ,EL"
+
+    def convert(self, value, param, ctx):
+        from .camera import parse_view
+
+        try:
+            parse_view(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        return value
+
+
+class Kinds(click.ParamType):
+    name = "KIND,..."
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        names = tuple(part.strip() for part in value.split(",") if part.strip())
+        if names == ("all",):
+            return KIND_NAMES
+        wrong = [name for name in names if name not in KIND_NAMES]
+        if wrong or not names:
+            self.fail(f"{', '.join(wrong) or 'nothing'}: no such kind of line; there are {', '.join(KIND_NAMES)}, all")
+        return names
+
+
+class Span(click.ParamType):
+    name = "LOW..HIGH"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        try:
+            parts = [float(part) for part in str(value).split("..")]
+        except ValueError:
+            parts = []
+        if len(parts) == 1:
+            parts = parts * 2
+        if len(parts) != 2 or not 0 <= parts[0] <= parts[1] <= 1:
+            self.fail(f"{value!r}: give one number from 0 to 1, or LOW..HIGH", param, ctx)
+        return tuple(parts)
+
+
+def _options(*options):
+    def decorate(function):
+        return functools.reduce(lambda f, option: option(f), reversed(options), function)
+
+    return decorate
+
+
+def _set_verbosity(ctx, param, value):
+    if value:
+        ctx.meta["strokestyle.verbosity"] = -1 if param.name == "quiet" else 1
+
+
+common_options = _options(
+    click.option(
+        "-q", "--quiet", is_flag=True, expose_value=False, callback=_set_verbosity, help="Say nothing but errors."
+    ),
+    click.option(
+        "-v",
+        "--verbose",
+        is_flag=True,
+        expose_value=False,
+        callback=_set_verbosity,
+        help="Say how long each stage takes.",
+    ),
+)
+
+view_options = _options(
+    click.option(
+        "--view",
+        type=ViewName(),
+        help=f"Where the eye stands: {VIEWS}, or azimuth,elevation in degrees.  [default: three-quarter]",
+    ),
+    click.option(
+        "--camera",
+        type=click.Path(),
+        help="A camera.json (eye, target, up, fov_y_deg, size), in place of the view options.",
+    ),
+    click.option("--fov", type=click.FloatRange(1, 150), help="Vertical field of view, degrees.  [default: 30]"),
+    click.option("--up", type=click.Choice(["y", "z"]), help="Which axis of the mesh points up.  [default: y]"),
+    click.option("--size", type=Size(), help="Canvas, pixels.  [default: 768]"),
+)
+
+line_options = _options(
+    click.option("--lines", type=Kinds(), help="Kinds of line to draw: " + ", ".join(KIND_NAMES) + ", or all."),
+    click.option("--crease", type=click.FloatRange(1, 180), help="Dihedral angle of a crease, degrees."),
+    click.option(
+        "--suggestive", type=click.FloatRange(0), help="Threshold of suggestive contours, in units of the feature size."
+    ),
+    click.option("--ridge", type=click.FloatRange(0), help="Threshold of ridges, in units of the feature size."),
+    click.option("--valley", type=click.FloatRange(0), help="Threshold of valleys, in units of the feature size."),
+    click.option(
+        "--apparent", type=click.FloatRange(0), help="Threshold of apparent ridges, in units of the feature size."
+    ),
+    click.option(
+        "--spacing", type=click.FloatRange(0.5, 50), help="Distance of the curves' points, pixels.  [default: 3]"
+    ),
+    click.option("--curves", type=click.Path(), help="Draw these curves (.json or .svg) instead of our own."),
+)
+
+seed_option = click.option(
+    "--seed",
+    type=click.IntRange(0, 2**31 - 1),
+    default=0,
+    show_default=True,
+    help="Same seed, same machine, same bytes.",
+)
+device_option = click.option(
+    "--device",
+    type=click.Choice(["auto", "cpu", "cuda"]),
+    default="auto",
+    show_default=True,
+    help="Where to compute; auto takes CUDA where there is one.",
+)
+
+
+# -------------------------------------------------------------------------------------------------------- commands
+
+
+class Group(click.Group):
+    """One place that turns errors for the person into one line and exit code 1."""
+
+    def invoke(self, ctx):
+        try:
+            return super().invoke(ctx)
+        except (click.exceptions.Exit, click.ClickException, click.Abort):
+            raise
+        except BrokenPipeError:
+            sys.stderr.close()  # the reader of a pipe went away: not an error of ours
+            ctx.exit(1)
+        except (ValueError, OSError, MemoryError) as error:
+            say(f"strokestyle: {describe(error)}", level=-1)
+            ctx.exit(1)
+
+
+def describe(error: BaseException) -> str:
+    """One line for the person."""
+    if isinstance(error, MemoryError):
+        return "out of memory: try a smaller --size or a simplified mesh"
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        text = f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}"
+    else:
+        text = str(error) or type(error).__name__
+    return " ".join(text.split())
+
+
+@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(__version__, prog_name="strokestyle")
+def main():
+    """Learn how an artist draws lines from ONE drawing of a 3D shape, and draw any other shape in that hand.
+
+    \b
+    strokestyle extract shape.obj -o sheet.png        the curves, to draw over
+    strokestyle fit drawing.png shape.obj             learn the hand
+    strokestyle render model.pt other.obj -o out.svg  draw with it
+
+    A shape is any mesh that trimesh reads (obj, ply, stl, off, glb, ...), or a view saved by extract (.npz).
+    """
+
+
+@main.command(
+    epilog="""\b
+Examples:
+  strokestyle extract teapot.obj -o sheet.png
+  strokestyle extract teapot.obj -o curves.svg -o view.npz --view 40,20
+  strokestyle extract scan.ply -o lines.svg --lines contour,valley --valley 0.2
+  strokestyle extract part.stl --up z -o - | inkscape --pipe --export-filename=part.pdf"""
+)
+@click.argument("shape", type=click.Path())
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    type=click.Path(),
+    multiple=True,
+    required=True,
+    help="File to write, by suffix; may be given several times. - is SVG to standard output.",
+)
+@view_options
+@line_options
+@common_options
+def extract(shape, outputs, **options):
+    """Find the feature curves of SHAPE and write them.
+
+    \b
+    OUT.png   the sheet that an artist draws over
+    OUT.svg   the curves, one layer per kind of line
+    OUT.npz   the whole view, for fit and render: camera, curves, feature maps
+    OUT.json  camera and curves for other programs
+    """
+    for output in outputs:
+        if output != "-" and Path(output).suffix.lower() not in (".png", ".svg", ".svgz", ".npz", ".json"):
+            raise click.UsageError(f"{output}: cannot tell what to write; name it .png, .svg, .npz or .json")
+    _check_outputs(outputs, [shape])
+    view = Views(shape, options).view()
+    for output in outputs:
+        _write_view(view, output, Path(shape).stem)
+    say(f"{shape}: {_count(view.curves)} -> {', '.join(outputs)}")
+
+
+@main.command(
+    epilog="""\b
+Examples:
+  strokestyle fit drawing.png shape.obj
+  strokestyle fit drawing.png shape.obj -o charcoal.pt --preset quick
+  strokestyle fit scan.jpg shape.obj --camera camera.json --curves curves.json
+  strokestyle fit drawing.png view.npz --preset paper --device cuda"""
+)
+@click.argument("drawing", type=click.Path())
+@click.argument("shape", type=click.Path())
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    default="model.pt",
+    show_default=True,
+    help="The model to write; a picture of the fit is written beside it.",
+)
+@click.option(
+    "--preset",
+    type=click.Choice(PRESET_NAMES),
+    default="standard",
+    show_default=True,
+    help="quick: half a minute; standard: a few minutes; paper: the paper's networks and schedule, for a GPU.",
+)
+@seed_option
+@device_option
+@view_options
+@line_options
+@common_options
+def fit(drawing, shape, output, preset, seed, device, **options):
+    """Learn a style from DRAWING, an artist's drawing of SHAPE.
+
+    The drawing (PNG, JPEG, TIFF) is one made over the sheet of `strokestyle extract`, with the same view and line
+    options. Beside the model OUT.pt a sheet OUT.png shows drawing, mask, and what was learned of both.
+    """
+    sheet = str(Path(output).with_suffix(".png"))
+    _check_outputs([output, sheet], [drawing, shape])
+    view = Views(shape, options).view()
+    if not len(view.curves):
+        raise ValueError(
+            f"{shape}: no visible curves from this view: there is nothing to learn from; try another --view"
+        )
+    from .exemplar import load_exemplar
+
+    with stage("read the drawing"):
+        exemplar, note = load_exemplar(drawing, view.camera.width, view.camera.height, view.curves.xy)
+    if note:
+        say(f"{drawing}: {note}")
+    from .fit import PRESETS, fit_sheet
+    from .fit import fit as fit_style
+    from .style import save_style
+
+    started = time.perf_counter()
+    with Progress() as progress:
+        style = fit_style(
+            view, exemplar, PRESETS[preset], seed=seed, device=device, progress=progress, source=Path(drawing).name
+        )
+    save_style(output, style)
+    _write_png(sheet, fit_sheet(view, exemplar, style))
+    say(f"{drawing}: learned in {time.perf_counter() - started:.0f} s -> {output}, {sheet}")
+
+
+@main.command(
+    epilog="""\b
+Examples:
+  strokestyle render model.pt mesh.obj -o out.svg --png
+  strokestyle render model.pt *.ply -o drawings/
+  strokestyle render model.pt meshes/ -o drawings/ --jobs 2 --view side
+  strokestyle render model.pt mesh.obj -o spin/ --turntable 24 --png
+  strokestyle render model.pt mesh.obj -o - | gzip > out.svgz"""
+)
+@click.argument("model", type=click.Path())
+@click.argument("shapes", nargs=-1, required=True, type=click.Path())
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    required=True,
+    help="OUT.svg, OUT.svgz, a folder for several drawings, or - for standard output.",
+)
+@click.option(
+    "--texture",
+    type=click.Choice(["auto", "image", "none"]),
+    default="auto",
+    show_default=True,
+    help="image: grain as an image clipped by each stroke; none: flat ink; auto: as the style needs.",
+)
+@click.option("--png", is_flag=True, help="Write a PNG preview beside each SVG.")
+@click.option(
+    "--png-scale", type=click.FloatRange(0.1, 16), default=1.0, show_default=True, help="Preview pixels per SVG pixel."
+)
+@click.option("--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb.  [default: none]")
+@click.option(
+    "--turntable", type=click.IntRange(1, 3600), metavar="N", help="N drawings round the upright axis, OUT-000.svg ..."
+)
+@click.option(
+    "--jobs", type=click.IntRange(1, 256), default=1, show_default=True, help="Shapes drawn at the same time."
+)
+@seed_option
+@device_option
+@view_options
+@line_options
+@common_options
+def render(model, shapes, output, jobs, **options):
+    """Draw SHAPES in the hand of MODEL, one SVG each.
+
+    A folder stands for all the meshes and views in it. Where one of several shapes cannot be drawn, the others are,
+    and the exit code is 1.
+    """
+    plan = _plan(shapes, output, options)
+    if jobs > 1 and len(plan) > 1:
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        with ProcessPoolExecutor(min(jobs, len(plan)), get_context("spawn")) as pool:
+            work = functools.partial(_render_one, model, dict(options, threads=max(1, (os.cpu_count() or 1) // jobs)))
+            failed = _report(pool.map(work, *zip(*plan, strict=True)), len(plan))
+    else:
+        failed = _report((_render_one(model, options, shape, out) for shape, out in plan), len(plan))
+    if failed:
+        sys.exit(1)
+
+
+def _report(results, total: int) -> int:
+    """Say what became of each shape as it is done; the number that failed."""
+    failed = 0
+    for done, error in results:
+        if error:
+            say(f"strokestyle: {error}", level=-1)
+            failed += 1
+        else:
+            say(done)
+    if failed and total > 1:
+        say(f"{total - failed} of {total} shapes drawn", level=-1)
+    return failed
+
+
+def _plan(shapes, output: str, options: dict) -> list[tuple[str, str]]:
+    """(shape, output file) for every drawing wanted. Refuses what would overwrite an input or another output."""
+    found = []
+    for shape in shapes:
+        if Path(shape).is_dir():
+            inside = sorted(p for p in Path(shape).iterdir() if p.suffix.lower() in MESH_SUFFIXES + VIEW_SUFFIXES)
+            if not inside:
+                raise ValueError(f"{shape}: no mesh and no view in this folder ({', '.join(MESH_SUFFIXES)}, .npz)")
+            found += [str(path) for path in inside]
+        else:
+            found.append(shape)
+    folder = Path(output)
+    to_folder = output != "-" and (output.endswith(("/", os.sep)) or folder.is_dir() or folder.suffix == "")
+    if len(found) > 1 and not to_folder:
+        raise click.UsageError(f"{len(found)} shapes need a folder to go to, such as -o drawings/, not {output}")
+    if output == "-":
+        if options["png"] or options["turntable"]:
+            raise click.UsageError("standard output takes one SVG: no --png and no --turntable with -o -")
+        return [(found[0], "-")]
+    if to_folder:
+        folder.mkdir(parents=True, exist_ok=True)
+        plan = [(shape, str(folder / (Path(shape).stem + ".svg"))) for shape in found]
+    else:
+        if folder.suffix.lower() not in (".svg", ".svgz"):
+            raise click.UsageError(f"{output}: render writes .svg or .svgz, or a folder of them")
+        plan = [(found[0], output)]
+    taken = {}
+    for shape, out in plan:
+        if out in taken:
+            raise click.UsageError(
+                f"{taken[out]} and {shape} would both be written to {out}: draw them into two folders"
+            )
+        taken[out] = shape
+    _check_outputs(list(taken), found)
+    return plan
+
+
+def _render_one(model: str, options: dict, shape: str, output: str) -> tuple[str, str]:
+    """Draw one shape. Returns (what was written, "") or ("", error), so that one bad mesh does not stop a batch."""
+    try:
+        return _draw(model, options, shape, output), ""
+    except (ValueError, OSError, MemoryError) as error:
+        return "", describe(error)
+
+
+@functools.lru_cache(maxsize=1)
+def _style(model: str, device: str):
+    from .style import load_style
+
+    with stage("load the model"):
+        return load_style(model, device=device)
+
+
+def _draw(model: str, options: dict, shape: str, output: str) -> str:
+    if options.get("threads"):
+        import torch
+
+        torch.set_num_threads(options["threads"])
+    style = _style(model, options["device"])
+    from .svg import png_from_svg, save_svg, write_svg
+
+    views, written = Views(shape, options), []
+    for suffix, view in views.turntable(options["turntable"]):
+        target = output if not suffix else str(Path(output).with_name(Path(output).stem + suffix + Path(output).suffix))
+        with stage("draw"):
+            drawing = style.draw(view, seed=options["seed"])
+        with stage("write the SVG"):
+            text = write_svg(
+                drawing,
+                texture=options["texture"],
+                title=Path(shape).stem,
+                background=options["background"],
+                description=f"Drawn by strokestyle {__version__}",
+            )
+            if target == "-":
+                click.echo(text, nl=False)
+            else:
+                save_svg(target, text)
+        if options["png"]:
+            from .files import write_bytes
+
+            with stage("preview"):
+                preview = str(Path(target).with_suffix(".png"))
+                write_bytes(preview, png_from_svg(text, options["png_scale"]))
+                target += f", {preview}"
+        written.append(target)
+    many = "" if len(written) < 4 else f" ... {written[-1]}"
+    note = "" if len(view.curves) else " (no visible curves from this view: an empty drawing)"
+    return f"{shape}: {_count(view.curves)} -> {', '.join(written[:3]) if not many else written[0]}{many}{note}"
+
+
+# --------------------------------------------------------------------------------------------------------- helpers
+
+
+class Views:
+    """A SHAPE argument and its view and line options: loads what is needed once, and gives views of it."""
+
+    def __init__(self, shape: str, options: dict):
+        self.shape, self.options = shape, options
+        given = [name for name in ("view", "fov", "up", "size") if options.get(name) is not None]
+        if options.get("camera") and given:
+            raise click.UsageError(f"--camera already says where the eye stands: leave out --{', --'.join(given)}")
+        self.saved = Path(shape).suffix.lower() in VIEW_SUFFIXES
+        if self.saved:
+            named = [name for name in LINE_OPTIONS + VIEW_OPTIONS if options.get(name) is not None]
+            if named:
+                raise click.UsageError(
+                    f"{shape} is a saved view, with camera and curves: leave out --{', --'.join(named)}"
+                )
+        elif not Path(shape).exists():
+            raise FileNotFoundError(f"{shape}: no such file")
+
+    @functools.cached_property
+    def surface(self):
+        from .surface import load_surface
+
+        with stage("read the mesh"):
+            return load_surface(self.shape)
+
+    @functools.cached_property
+    def scene(self):
+        from .visibility import Scene
+
+        return Scene(self.surface)
+
+    def camera(self, turn: float = 0.0):
+        from .camera import DEFAULT_FOV, DEFAULT_SIZE, Camera, fit_camera, parse_view, swept
+
+        if self.options.get("camera"):
+            return Camera.load(self.options["camera"]).turned(turn)
+        azimuth, elevation = parse_view(self.options.get("view") or "three-quarter")
+        width, height = self.options.get("size") or (DEFAULT_SIZE, DEFAULT_SIZE)
+        fov, up = self.options.get("fov") or DEFAULT_FOV, self.options.get("up") or "y"
+        vertices = self.surface.vertices
+        if self.options.get("turntable"):  # what fits however it is turned: the picture does not breathe
+            vertices = swept(vertices, up)
+        return fit_camera(vertices, f"{azimuth},{elevation}", fov, width, height, up).turned(turn)
+
+    def view(self, turn: float = 0.0):
+        from . import view as views
+
+        if self.saved:
+            return views.load_view(self.shape)
+        camera = self.camera(turn)
+        spacing = self.options.get("spacing") or views.DEFAULT_SPACING
+        if self.options.get("curves"):
+            curves = views.load_curves(self.options["curves"], (camera.width, camera.height))
+            with stage("feature maps"):
+                return views.view_of(self.surface, camera, curves, spacing, scene=self.scene)
+        surface, scene = self.surface, self.scene
+        with stage("curves and feature maps"):
+            return views.extract(surface, camera, self.line_options(), spacing, scene=scene)
+
+    def line_options(self):
+        from .feature_curves import LineOptions
+
+        given = {name: self.options[name] for name in LINE_OPTIONS[:-2] if self.options.get(name) is not None}
+        if "lines" in given:
+            given["kinds"] = given.pop("lines")
+        return LineOptions(**given)
+
+    def turntable(self, count: int | None):
+        """("", view), or count times ("-000", view), once round the upright axis."""
+        if not count:
+            yield "", self.view()
+            return
+        if self.saved or self.options.get("curves"):
+            raise click.UsageError(
+                "--turntable needs a mesh and its own curves: a saved view and --curves have one side"
+            )
+        digits = max(3, len(str(count - 1)))
+        for i in range(count):
+            yield f"-{i:0{digits}d}", self.view(360.0 * i / count)
+
+
+VIEW_OPTIONS = ("view", "camera", "fov", "up", "size")
+LINE_OPTIONS = ("lines", "crease", "suggestive", "ridge", "valley", "apparent", "spacing", "curves")
+
+
+def _check_outputs(outputs, inputs) -> None:
+    """Before any work: every output can be written, and none is an input."""
+    from .files import check_writable
+
+    for output in outputs:
+        if output == "-":
+            continue
+        check_writable(output)
+        for source in inputs:
+            if Path(output).exists() and Path(source).exists() and os.path.samefile(output, source):
+                raise ValueError(f"{output}: is the input; give the output another name")
+
+
+def _write_view(view, output: str, title: str) -> None:
+    from .files import write_bytes
+    from .svg import plain_svg, png_from_svg, save_svg
+    from .view import save_view, view_to_json
+
+    suffix = ".svg" if output == "-" else Path(output).suffix.lower()
+    if suffix == ".npz":
+        save_view(output, view)
+    elif suffix == ".json":
+        import json
+
+        write_bytes(output, json.dumps(view_to_json(view), separators=(",", ":")).encode())
+    else:
+        size = (view.camera.width, view.camera.height)
+        text = plain_svg(view.curves, size, title=title, background="#ffffff" if suffix == ".png" else None)
+        if output == "-":
+            click.echo(text, nl=False)
+        elif suffix == ".png":
+            write_bytes(output, png_from_svg(text))
+        else:
+            save_svg(output, text)
+
+
+def _write_png(path: str, image) -> None:
+    """Write (H, W, 3) uint8."""
+    from PIL import Image
+
+    from .files import replace_file
+
+    replace_file(path, lambda name: Image.fromarray(image).save(name, format="PNG", optimize=True))
+
+
+def _count(curves) -> str:
+    """ "41 curves, 5312 px (contour 20, valley 21)"."""
+    import numpy as np
+
+    from .curves import KINDS
+
+    if not len(curves):
+        return "no curves"
+    kinds = ", ".join(
+        f"{name} {n}" for name, n in zip(KINDS, np.bincount(curves.kind, minlength=len(KINDS)), strict=True) if n
+    )
+    return f"{len(curves)} curve{'s' * (len(curves) > 1)}, {curves.lengths().sum():.0f} px ({kinds})"
+
+
+class Progress:
+    """The fit's progress on stderr: a bar with losses and time left on a terminal, a line per stage elsewhere."""
+
+    def __init__(self):
+        self.bar = self.task = self.stage = None
+
+    def __enter__(self):
+        if _verbosity() >= 0 and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+            from rich.progress import Progress as Bar
+
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(24),
+                TextColumn("{task.completed}/{task.total}"),
+                TextColumn("{task.fields[losses]}"),
+                TimeElapsedColumn(),
+                TextColumn("{task.fields[left]}"),
+            )
+            self.bar = Bar(*columns, console=Console(stderr=True), refresh_per_second=4)
+            self.bar.start()
+        return self
+
+    def __exit__(self, *error):
+        if self.bar:
+            self.bar.stop()
+
+    def __call__(self, event) -> None:
+        losses = " ".join(f"{name} {value:.4f}" for name, value in event.losses.items())
+        if self.bar:
+            if event.stage != self.stage:
+                self.task = self.bar.add_task(event.stage, total=event.steps, losses="", left="")
+            left = "" if event.seconds_left is None else f"{event.seconds_left:.0f} s left"
+            self.bar.update(self.task, completed=event.step, losses=losses, left=left)
+        elif event.step >= event.steps:
+            say(f"  {event.stage}: {event.steps} steps {losses}")
+        self.stage = event.stage
+
+
+if __name__ == "__main__":
+    main()
