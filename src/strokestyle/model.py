@@ -1,0 +1,150 @@
+"""The networks, whole: the paper's three and its discriminator layer by layer, and the small one of the fast presets.
+
+Instance normalisation has no parameters of its own and every convolution has a bias, as in the authors' program.
+Points of curves come flat, (N, P), with the offsets that cut them into curves; no curve sees another.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+
+class OnePad2d(nn.ConstantPad2d):
+    """Pads with 1, what the feature maps hold in the background."""
+
+    def __init__(self, padding: int):
+        super().__init__(padding, 1.0)
+
+
+def _conv(channels_in: int, channels_out: int, kernel: int, stride: int = 1, padding: int = 0) -> list[nn.Module]:
+    layer = nn.Conv2d(channels_in, channels_out, kernel, stride, padding)
+    return [layer, nn.InstanceNorm2d(channels_out), nn.ReLU()]
+
+
+def _up(channels_in: int, channels_out: int) -> list[nn.Module]:
+    layer = nn.ConvTranspose2d(channels_in, channels_out, 3, stride=2, padding=1, output_padding=1)
+    return [layer, nn.InstanceNorm2d(channels_out), nn.ReLU()]
+
+
+class ResidualBlock(nn.Module):
+    def __init__(self, channels: int):
+        super().__init__()
+        self.body = nn.Sequential(
+            nn.ReflectionPad2d(1),
+            *_conv(channels, channels, 3),
+            nn.ReflectionPad2d(1),
+            nn.Conv2d(channels, channels, 3),
+            nn.InstanceNorm2d(channels),
+        )
+
+    def forward(self, x: Tensor) -> Tensor:  # (B, K, H, W)
+        return x + self.body(x)
+
+
+class SurfaceNet(nn.Module):
+    """f: feature maps (B, 9, H, W) -> deep features (B, 40, H, W); H, W multiples of 4. Appendix, first table."""
+
+    def __init__(self, maps: int = 9):
+        super().__init__()
+        self.body = nn.Sequential(
+            OnePad2d(3),
+            *_conv(maps, 10, 7),
+            *_conv(10, 20, 3, stride=2, padding=1),
+            *_conv(20, 40, 3, stride=2, padding=1),
+            *(ResidualBlock(40) for _ in range(4)),
+            *_up(40, 40),
+            *_up(40, 40),
+            *_conv(40, 40, 1),
+        )
+
+    def forward(self, maps: Tensor) -> Tensor:
+        return self.body(maps)
+
+
+class PathNet(nn.Module):
+    """h: point features (N, 45) -> (N, 3): displacement x, y and raw thickness, px. Paper, appendix, second table."""
+
+    def __init__(self, features: int = 45):
+        super().__init__()
+        self.layers = nn.ModuleList([nn.Conv1d(features, 40, 3), nn.Conv1d(40, 40, 3), nn.Conv1d(40, 3, 3)])
+
+    def forward(self, points: Tensor, offsets: Tensor) -> Tensor:
+        rows, total = gapped(offsets, 1)
+        x = points.new_zeros(total, points.shape[1]).index_copy(0, rows, points).T[None]  # (1, P, total)
+        inside = points.new_zeros(total).index_fill(0, rows, 1.0)
+        for i, layer in enumerate(self.layers):
+            x = F.conv1d(x, layer.weight, layer.bias, padding=1)
+            x = (F.relu(x) if i < 2 else x) * inside
+        return x[0].T[rows]
+
+
+class TextureNet(nn.Module):
+    """g: eight geometry maps and the stroke mask (B, 9, H, W) -> RGB (B, 3, H, W) in [0, 1]. Appendix, third table."""
+
+    def __init__(self, maps: int = 9):
+        super().__init__()
+        self.body = nn.Sequential(
+            nn.ReflectionPad2d(3),
+            *_conv(maps, 64, 7),
+            *_conv(64, 128, 3, stride=2, padding=1),
+            *_conv(128, 256, 3, stride=2, padding=1),
+            *(ResidualBlock(256) for _ in range(6)),
+            *_up(256, 128),
+            *_up(128, 64),
+            nn.ReflectionPad2d(3),
+            nn.Conv2d(64, 3, 7),
+            nn.Sigmoid(),
+        )
+
+    def forward(self, maps: Tensor) -> Tensor:
+        return self.body(maps)
+
+
+class PatchDiscriminator(nn.Module):
+    """D: RGB (B, 3, H, W) -> (B, 1, h, w), each value judging a patch of 70 x 70 px (Isola et al. 2017)."""
+
+    def __init__(self):
+        super().__init__()
+        layers: list[nn.Module] = [nn.Conv2d(3, 64, 4, 2, 1), nn.LeakyReLU(0.2)]
+        for a, b, stride in ((64, 128, 2), (128, 256, 2), (256, 512, 1)):
+            layers += [nn.Conv2d(a, b, 4, stride, 1), nn.InstanceNorm2d(b), nn.LeakyReLU(0.2)]
+        self.body = nn.Sequential(*layers, nn.Conv2d(512, 1, 4, 1, 1))
+
+    def forward(self, rgb: Tensor) -> Tensor:
+        return self.body(rgb)
+
+
+class StrokeNet(nn.Module):
+    """Ours: dilated convolutions along the strokes, (N, P) -> (N, K). It starts at `start`, whatever the features."""
+
+    def __init__(self, features: int, outputs: int, width: int = 48, dilations: tuple[int, ...] = (1, 2, 4)):
+        super().__init__()
+        self.dilations = tuple(dilations)
+        sizes = [features] + [width] * len(self.dilations)
+        self.layers = nn.ModuleList(nn.Conv1d(a, b, 5) for a, b in zip(sizes[:-1], sizes[1:], strict=True))
+        self.last = nn.Linear(width, outputs)
+        nn.init.zeros_(self.last.weight)
+        nn.init.zeros_(self.last.bias)
+
+    def forward(self, points: Tensor, offsets: Tensor) -> Tensor:
+        rows, total = gapped(offsets, 2 * max(self.dilations))
+        x = points.new_zeros(total, points.shape[1]).index_copy(0, rows, points).T[None]
+        inside = points.new_zeros(total).index_fill(0, rows, 1.0)
+        for layer, dilation in zip(self.layers, self.dilations, strict=True):
+            y = F.silu(F.conv1d(x, layer.weight, layer.bias, padding=2 * dilation, dilation=dilation)) * inside
+            x = x + y if x.shape == y.shape else y
+        return self.last(x[0].T[rows])
+
+
+def gapped(offsets: Tensor, gap: int) -> tuple[Tensor, int]:
+    """Rows (N,) that points take in one sequence with `gap` zeros around every curve, and its length."""
+    counts = offsets.diff()
+    owner = torch.repeat_interleave(torch.arange(len(counts), device=offsets.device), counts)
+    rows = torch.arange(len(owner), device=offsets.device) + gap * (owner + 1)
+    return rows, len(owner) + gap * (len(counts) + 1)
+
+
+def parameters(network: nn.Module) -> int:
+    return sum(p.numel() for p in network.parameters())
