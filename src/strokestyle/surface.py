@@ -1,0 +1,666 @@
+"""A triangle mesh and its differential geometry: normals, curvatures, their directions and derivatives, per vertex."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import warnings
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+WELD = 1e-6  # of the longest side: boundary vertices nearer than this are one vertex
+_CELLS = 2**21  # per axis: the grid on which equal positions are found; 3 x 21 bits fit an int64
+_TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a mesh of size 1
+
+# What trimesh needs on top of itself to read a format.
+_EXTRA_PACKAGES = {
+    ".3mf": "lxml networkx",
+    ".xaml": "lxml",
+    ".dae": "pycollada",
+    ".zae": "pycollada",
+    ".step": "cascadio",
+    ".stp": "cascadio",
+    ".ctm": "python-openctm",
+    ".dxf": "ezdxf",
+    ".msh": "gmsh",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A clean triangle mesh, box centred at the origin, longest side 1, with rtsc's conventions of sign.
+
+    Normals point outward on closed parts, curvature is positive where the surface is convex, and |k1| >= |k2|.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+    faces : (F, 3) int64, counter-clockwise seen from outside
+    normals, pdir1, pdir2 : (V, 3) float64, an orthonormal right-handed frame (pdir1, pdir2, normal)
+    k1, k2 : (V,) float64, principal curvatures along pdir1 and pdir2
+    dcurv : (V, 4) float64, derivative of the second fundamental form: its uuu, uuv, uvv, vvv entries in (pdir1, pdir2)
+    feature_size : float, the length in which line thresholds are measured
+    centre, scale : the file's coordinates are vertices * scale + centre
+    part, part_names : (F,) int, index into the names of a scene's parts
+
+    Raises
+    ------
+    ValueError
+        on a wrong shape, a value that is not finite, or a face that names no vertex.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray
+    k1: np.ndarray
+    k2: np.ndarray
+    pdir1: np.ndarray
+    pdir2: np.ndarray
+    dcurv: np.ndarray
+    feature_size: float
+    centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    scale: float = 1.0
+    part: np.ndarray | None = None
+    part_names: tuple[str, ...] = ("",)
+
+    def __post_init__(self):
+        faces = np.asarray(self.faces, np.int64)
+        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
+            raise ValueError(f"Surface.faces must have shape (F, 3) with at least one face, got {faces.shape}")
+        count = len(self.vertices)
+        if faces.min() < 0 or faces.max() >= count:
+            raise ValueError(f"Surface.faces must lie in 0..{count - 1}, got {faces.min()}..{faces.max()}")
+        part = np.zeros(len(faces), np.int64) if self.part is None else np.asarray(self.part, np.int64)
+        if part.shape != (len(faces),) or part.min() < 0 or part.max() >= len(self.part_names):
+            raise ValueError(f"Surface.part must have shape ({len(faces)},) and lie in 0..{len(self.part_names) - 1}")
+        values = {"faces": faces, "part": part}
+        shapes = {"vertices": 3, "normals": 3, "k1": 0, "k2": 0, "pdir1": 3, "pdir2": 3, "dcurv": 4}
+        for name, width in shapes.items():
+            value = np.asarray(getattr(self, name), np.float64)
+            expected = (count, width) if width else (count,)
+            if value.shape != expected:
+                raise ValueError(f"Surface.{name} must have shape {expected}, got {value.shape}")
+            values[name] = value
+        values["centre"] = np.array(self.centre, np.float64)
+        for name, value in values.items():
+            if not np.isfinite(value).all():
+                raise ValueError(f"Surface.{name} holds values that are not finite")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        for name in ("feature_size", "scale"):
+            value = float(getattr(self, name))
+            if not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"Surface.{name} must be a positive number, got {value}")
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "part_names", tuple(self.part_names))
+
+    @cached_property
+    def _edge_tables(self) -> tuple[np.ndarray, np.ndarray]:
+        return mesh_edges(self.faces, len(self.vertices))
+
+    @property
+    def edges(self) -> np.ndarray:
+        """(E, 2) int, the vertices of each edge, the lower index first."""
+        return self._edge_tables[0]
+
+    @property
+    def face_edges(self) -> np.ndarray:
+        """(F, 3) int, face_edges[f, i] is the edge from corner i to corner i + 1 of face f."""
+        return self._edge_tables[1]
+
+    @cached_property
+    def edge_face_count(self) -> np.ndarray:
+        """(E,) int, faces at each edge: 1 on a boundary, 2 inside, more where the mesh is not a manifold."""
+        return np.bincount(self.face_edges.ravel(), minlength=len(self.edges))
+
+    @cached_property
+    def edge_faces(self) -> np.ndarray:
+        """(E, 2) int, the first two faces of each edge; -1 where there is no second."""
+        return edge_faces(self.face_edges, len(self.edges))
+
+    @cached_property
+    def face_normals(self) -> np.ndarray:
+        """(F, 3) float64, unit."""
+        p0, p1, p2 = (self.vertices[self.faces[:, i]] for i in range(3))
+        return _unit(np.cross(p1 - p0, p2 - p0))
+
+    @cached_property
+    def mean_edge(self) -> float:
+        """Mean edge length."""
+        a, b = self.edges.T
+        return float(np.linalg.norm(self.vertices[a] - self.vertices[b], axis=1).mean())
+
+    @cached_property
+    def component(self) -> np.ndarray:
+        """(F,) int, the connected component (through shared edges) of each face."""
+        return _face_components(self.face_edges, len(self.edges))
+
+    @cached_property
+    def closed_faces(self) -> np.ndarray:
+        """(F,) bool, faces of components without boundary: only their outside can be seen."""
+        open_edge = self.edge_face_count == 1
+        open_component = np.zeros(self.component.max() + 1, bool)
+        open_component[self.component[open_edge[self.face_edges].any(axis=1)]] = True
+        return ~open_component[self.component]
+
+    @cached_property
+    def closed_vertices(self) -> np.ndarray:
+        """(V,) bool, vertices all of whose faces belong to components without boundary."""
+        closed = np.ones(len(self.vertices), bool)
+        closed[self.faces[~self.closed_faces]] = False
+        return closed
+
+    def original(self, points: np.ndarray) -> np.ndarray:
+        """Points (N, 3) of this surface -> the coordinates of the file it came from."""
+        return np.asarray(points, np.float64) * self.scale + self.centre
+
+
+# ---------------------------------------------------------------------------------------------------- reading
+
+
+def load_surface(path: str | Path, smooth: float = 0.0) -> Surface:
+    """Read a mesh file of any format that trimesh knows; scenes become one surface with named parts.
+
+    `smooth` : standard deviation, in mean edge lengths, of the smoothing of normals and curvatures.
+
+    Raises OSError where the file cannot be opened, ValueError where it holds no surface; either names the file.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise IsADirectoryError(f"{path}: a folder, not a mesh file")
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file")
+    if not path.stat().st_size:
+        raise ValueError(f"{path}: the file is empty")
+    vertices, faces, part, names = _read(path)
+    try:
+        return make_surface(vertices, faces, smooth=smooth, part=part, part_names=names)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Triangles of all parts of a file, with the scene's transforms applied."""
+    import trimesh  # 0.3 s, and not needed where a saved view is drawn
+
+    suffix = path.suffix.lower()
+    known = trimesh.available_formats()
+    if suffix.lstrip(".") not in known:
+        extra = _EXTRA_PACKAGES.get(suffix)
+        if extra:
+            raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}")
+        raise ValueError(f"{path}: {suffix or 'a file without suffix'} is not a mesh format; use obj, ply, stl, off or glb")
+    try:
+        with _silence():
+            scene = trimesh.load_scene(str(path), process=False)
+            parts = [geometry for geometry in scene.dump() if len(getattr(geometry, "vertices", ()))]
+    except OSError:
+        raise
+    except ImportError as error:
+        extra = _EXTRA_PACKAGES.get(suffix) or getattr(error, "name", None) or "the package it names"
+        raise ValueError(f"{path}: reading {suffix} files needs another package ({_line(error)}): pip install {extra}") from None
+    except Exception as error:  # a damaged file can fail anywhere inside a parser, in any way
+        raise ValueError(f"{path}: cannot be read as {suffix.lstrip('.')} ({_line(error)}): damaged, or another format?") from None
+    meshes = [geometry for geometry in parts if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)]
+    if not meshes:
+        points = sum(len(geometry.vertices) for geometry in parts)
+        if points:
+            raise ValueError(f"{path}: no faces in it ({points} points): a point cloud cannot be drawn; mesh it first")
+        raise ValueError(f"{path}: no faces in it")
+    offset = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    vertices = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes])
+    faces = np.concatenate([np.asarray(mesh.faces, np.int64) + start for mesh, start in zip(meshes, offset, strict=False)])
+    part = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+    names = tuple(str(mesh.metadata.get("node") or mesh.metadata.get("name") or "") for mesh in meshes)
+    return vertices, faces, part, names
+
+
+def _line(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return text[:120] if text else type(error).__name__
+
+
+@contextlib.contextmanager
+def _silence():
+    """Keep a reader's log, warnings and floating-point complaints from the user's terminal."""
+    logger = logging.getLogger("trimesh")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.disabled = before
+
+
+def make_surface(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    smooth: float = 0.0,
+    part: np.ndarray | None = None,
+    part_names: tuple[str, ...] = ("",),
+) -> Surface:
+    """Clean a triangle soup and measure it.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float, any unit and position
+    faces : (F, 3) int
+    smooth : float, standard deviation in mean edge lengths of the smoothing of normals and curvatures
+    part, part_names : the named part that each face belongs to
+
+    Vertices at one place become one; faces without area and repeated faces go; winding is made to agree within each
+    component, outward where it is closed. Vertex order is kept. Raises ValueError where no surface is left.
+    """
+    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise ValueError(f"vertices must have shape (V, 3), got {vertices.shape}")
+    if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
+        raise ValueError(f"faces must have shape (F, 3) with at least one face, got {faces.shape}")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise ValueError(f"faces name vertex {faces.min() if faces.min() < 0 else faces.max()} of {len(vertices)}")
+    if not (np.isfinite(smooth) and 0.0 <= smooth <= 100.0):
+        raise ValueError(f"smooth must lie between 0 and 100 mean edges, got {smooth}")
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    bad = used & ~np.isfinite(vertices).all(axis=1)
+    if bad.any():
+        raise ValueError(f"{bad.sum()} of {used.sum()} vertices have coordinates that are not finite numbers")
+    part = np.zeros(len(faces), np.int64) if part is None else np.asarray(part, np.int64)
+    points, faces = _compact(vertices, faces)
+    points, centre, scale = _normalise(points)
+    points, faces, part = _weld(points, faces, part)
+    faces = _orient(points, faces)
+    vertices, moved_centre, moved_scale = _normalise(points)  # dropped faces may have held the box open
+    return Surface(
+        vertices,
+        faces,
+        *differential_geometry(vertices, faces, smooth),
+        centre=centre + scale * moved_centre,
+        scale=scale * moved_scale,
+        part=part,
+        part_names=part_names,
+    )
+
+
+# ---------------------------------------------------------------------------------------------------- cleaning
+
+
+def _compact(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drop vertices that no face uses; the others keep their order."""
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    if used.all():
+        return vertices, faces
+    return vertices[used], (np.cumsum(used) - 1)[faces]
+
+
+def _normalise(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Points -> the same with box centre 0 and longest side 1, and the centre and scale that undo it."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    centre = 0.5 * low + 0.5 * high  # halves first: coordinates may be near the largest float
+    scale = float((0.5 * high - 0.5 * low).max())
+    if not scale > 0.0:
+        raise ValueError("all its points coincide: nothing to draw")
+    if not 1e-150 < scale < 1e150:
+        raise ValueError(f"its size ({2.0 * scale:g}) cannot be handled: rescale it")
+    return (points - centre) / (2.0 * scale), centre, 2.0 * scale
+
+
+def _weld(points: np.ndarray, faces: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Merge vertices at one place, then drop faces without area and repeated faces. Longest side must be 1."""
+    cell = np.clip(((points + 0.5) * (_CELLS - 1) + 0.5).astype(np.int64), 0, _CELLS - 1)
+    key = (cell[:, 0] * _CELLS + cell[:, 1]) * _CELLS + cell[:, 2]
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    faces = first[inverse.ravel()][faces]
+    points, faces = _compact(points, faces)
+    faces, part = _drop_degenerate(points, faces, part)
+    # Two nearly equal positions can fall into two cells. Where that tore the mesh, both lie on a boundary.
+    edges, face_edges = mesh_edges(faces, len(points))
+    open_edges = edges[np.bincount(face_edges.ravel(), minlength=len(edges)) == 1]
+    if len(open_edges):
+        rim = np.unique(open_edges)
+        pairs = cKDTree(points[rim]).query_pairs(WELD, output_type="ndarray")
+        if len(pairs):
+            links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(rim), len(rim)))
+            group = connected_components(links, directed=False)[1]
+            _, first = np.unique(group, return_index=True)
+            target = np.arange(len(points))
+            target[rim] = rim[first[group]]
+            faces, part = _drop_degenerate(points, target[faces], part)
+    return *_compact(points, faces), part
+
+
+def _drop_degenerate(points: np.ndarray, faces: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    p0, p1, p2 = (points[faces[:, i]] for i in range(3))
+    longest = np.maximum(_dot(p1 - p0, p1 - p0), np.maximum(_dot(p2 - p1, p2 - p1), _dot(p0 - p2, p0 - p2)))
+    area = np.linalg.norm(np.cross(p1 - p0, p2 - p0), axis=1)
+    good = area > 1e-10 * longest  # height over base; repeated indices give 0 > 0
+    sorted_faces = np.sort(faces, axis=1)
+    count = len(points)
+    if count < 2_000_000:  # three indices fit one int64: a plain sort, many times faster than by rows
+        key = (sorted_faces[:, 0] * count + sorted_faces[:, 1]) * count + sorted_faces[:, 2]
+        first = np.unique(key, return_index=True)[1]
+    else:
+        first = np.unique(sorted_faces, axis=0, return_index=True)[1]
+    once = np.zeros(len(faces), bool)
+    once[first] = True
+    good &= once
+    if not good.any():
+        raise ValueError(f"none of its {len(faces)} faces has any area: nothing to draw")
+    return faces[good], part[good]
+
+
+def mesh_edges(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Faces (F, 3) over `count` vertices -> edges (E, 2), lower index first, and the edge of each side (F, 3).
+
+    Side i runs from corner i to corner i + 1.
+    """
+    start, end = faces, np.roll(faces, -1, axis=1)
+    key = np.minimum(start, end) * count + np.maximum(start, end)
+    unique, inverse = np.unique(key.ravel(), return_inverse=True)
+    return np.stack(np.divmod(unique, count), axis=1), inverse.reshape(faces.shape)
+
+
+def edge_faces(face_edges: np.ndarray, count: int) -> np.ndarray:
+    """The first two faces of each of `count` edges, (E, 2), -1 where there is none."""
+    order = np.argsort(face_edges.ravel(), kind="stable")
+    face = order // 3
+    uses = np.bincount(face_edges.ravel(), minlength=count)
+    start = np.r_[0, np.cumsum(uses)[:-1]]
+    second = np.where(uses > 1, face[np.minimum(start + 1, len(face) - 1)], -1)
+    return np.stack([face[start], second], axis=1)
+
+
+def _face_components(face_edges: np.ndarray, edges: int) -> np.ndarray:
+    """(F,) component of each face: faces are joined where they share an edge."""
+    faces = len(face_edges)
+    corner_face = np.repeat(np.arange(faces), 3)
+    links = coo_matrix((np.ones(3 * faces, np.int8), (corner_face, faces + face_edges.ravel())), shape=(faces + edges,) * 2)
+    label = connected_components(links, directed=False)[1][:faces]
+    return np.unique(label, return_inverse=True)[1].ravel()
+
+
+def _orient(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Make the winding agree within each component; outward where closed, as most faces had it where open."""
+    edges, face_edges = mesh_edges(faces, len(points))
+    uses = np.bincount(face_edges.ravel(), minlength=len(edges))
+    pair = edge_faces(face_edges, len(edges))
+    forward = faces < np.roll(faces, -1, axis=1)  # side runs from its edge's lower to its higher vertex
+    inner = uses == 2
+    runs = np.bincount(face_edges.ravel(), weights=forward.ravel(), minlength=len(edges))
+    clash = inner & (runs != 1)  # both faces run the same way along it
+    component = _face_components(face_edges, len(edges))
+    if clash.any():
+        # Two copies of each face, one per winding. Copies that must go together are connected; a component is
+        # orientable when its two windings stay apart.
+        f, g = pair[inner].T
+        swap = clash[inner]
+        n = len(faces)
+        rows, columns = np.r_[f, f + n], np.r_[np.where(swap, g + n, g), np.where(swap, g, g + n)]
+        links = coo_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(2 * n, 2 * n))
+        label = connected_components(links, directed=False)[1]
+        kept, turned = label[:n], label[n:]
+        # of the two windings of a component, take the one that more faces have as given; the lower label at a tie
+        votes = np.bincount(kept, minlength=label.max() + 1)
+        turn = (votes[turned] > votes[kept]) | ((votes[turned] == votes[kept]) & (turned < kept))
+        faces = np.where(turn[:, None], faces[:, ::-1], faces)
+    closed = np.ones(component.max() + 1, bool)
+    closed[component[(uses == 1)[face_edges].any(axis=1)]] = False
+    p0, p1, p2 = (points[faces[:, i]] for i in range(3))
+    volume = np.bincount(component, weights=_dot(p0, np.cross(p1, p2)))
+    inward = closed & (volume < 0.0)
+    return np.where(inward[component][:, None], faces[:, ::-1], faces)
+
+
+# ---------------------------------------------------------------------------------------------------- measuring
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...i->...", a, b)
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.maximum(np.sqrt(_dot(v, v)), _TINY)[..., None]
+
+
+def _scatter(index: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Sum real or complex values (N,) by index (N,) into (count,)."""
+    if np.iscomplexobj(values):
+        return _scatter(index, values.real, count) + 1j * _scatter(index, values.imag, count)
+    return np.bincount(index, weights=values, minlength=count)
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit normals (V, 3): face normals weighted as in Max 1999, exact for points on a sphere."""
+    p = vertices[faces]
+    side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]  # side i lies opposite corner i
+    cross = np.cross(side[:, 1], side[:, 2])
+    square = np.maximum(_dot(side, side), _TINY)
+    weight = 1.0 / (square[:, [1, 2, 0]] * square[:, [2, 0, 1]])
+    index = faces.ravel()
+    total = [_scatter(index, (weight * cross[:, i, None]).ravel(), len(vertices)) for i in range(3)]
+    normals = np.stack(total, axis=1)
+    length = np.sqrt(_dot(normals, normals))
+    lost = ~(length > 1e-12)  # faces that cancel, folded onto each other: any one of their normals will do
+    if lost.any():
+        face = np.zeros(len(vertices), np.int64)
+        face[index] = np.repeat(np.arange(len(faces)), 3)
+        normals[lost] = cross[face[lost]]
+    return _unit(normals)
+
+
+def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Voronoi area of each corner (F, 3); obtuse faces are cut so that no corner's share is negative.
+
+    The share of corner i is where a point of the face is nearer to it than to the others (Meyer 2003, as in rtsc).
+    """
+    p = vertices[faces]
+    side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
+    square = _dot(side, side)
+    area = 0.5 * np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
+    after, before = [1, 2, 0], [2, 0, 1]
+    weight = square * (square[:, after] + square[:, before] - square)  # barycentric weights of the circumcentre
+    total = np.maximum(weight.sum(axis=1), _TINY)
+    areas = 0.5 * (area / total)[:, None] * (weight[:, after] + weight[:, before])
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        obtuse = np.flatnonzero(weight[:, i] <= 0.0)
+        s, a = side[obtuse], area[obtuse]
+        at_j = -0.25 * square[obtuse, k] * a / np.minimum(_dot(s[:, i], s[:, k]), -_TINY)
+        at_k = -0.25 * square[obtuse, j] * a / np.minimum(_dot(s[:, i], s[:, j]), -_TINY)
+        areas[obtuse, j], areas[obtuse, k], areas[obtuse, i] = at_j, at_k, a - at_j - at_k
+    return areas
+
+
+def _tangent_frame(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit tangents (V, 3) with x cross y = normal, without square roots or special cases (Duff et al. 2017)."""
+    nx, ny, nz = normals.T
+    sign = np.where(nz >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    return (
+        np.stack([1.0 + sign * nx * nx * a, sign * b, -sign * nx], axis=1),
+        np.stack([b, sign + ny * ny * a, -ny], axis=1),
+    )
+
+
+def _solve_tridiagonal(diagonal: list, off: list, right: list) -> list:
+    """Solve many small symmetric positive tridiagonal systems at once; each entry is a row of all of them."""
+    diagonal, right = list(diagonal), list(right)
+    for i in range(1, len(diagonal)):
+        ratio = off[i - 1] / np.maximum(diagonal[i - 1], _TINY)
+        diagonal[i] = diagonal[i] - ratio * off[i - 1]
+        right[i] = right[i] - ratio * right[i - 1]
+    out = [right[-1] / np.maximum(diagonal[-1], _TINY)]
+    for i in range(len(diagonal) - 2, -1, -1):
+        out.insert(0, (right[i] - off[i] * out[0]) / np.maximum(diagonal[i], _TINY))
+    return out
+
+
+def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float = 0.0) -> tuple:
+    """Normals, k1, k2, pdir1, pdir2, dcurv, feature size, after Rusinkiewicz 2004.
+
+    Least squares on each face fits the second fundamental form to differences of vertex normals, and its derivative to
+    differences of vertex curvatures; vertices average their faces by Voronoi area after turning each face's plane
+    into their own.
+
+    Tensors turn as complex numbers. Write the angle of a frame as e^(i phi); the form [[a, b], [b, c]] is the mean
+    (a + c) / 2, which does not turn, and the deviator (a - c) / 2 + i b, which turns by e^(2 i phi). A symmetric
+    derivative tensor (p, q, r, s) = uuu, uuv, uvv, vvv is one part turning by e^(i phi) and one by e^(3 i phi).
+    """
+    count, index = len(vertices), faces.ravel()
+    normals = vertex_normals(vertices, faces)
+    blur = _blur_matrix(vertices, faces, smooth)
+    if blur is not None:
+        normals = _unit(blur(normals))
+    x, y = _tangent_frame(normals)
+
+    areas = corner_areas(vertices, faces)
+    share = areas.ravel() / np.maximum(_scatter(index, areas.ravel(), count), _TINY)[index]  # (3F,)
+
+    # the face's own frame (t, b, n), and its sides in it
+    p = vertices[faces]
+    side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
+    t = _unit(side[:, 0])
+    n = _unit(np.cross(side[:, 0], side[:, 1]))
+    b = np.cross(n, t)
+    u = np.stack([_dot(side[:, i], t) for i in range(3)])  # (3, F)
+    v = np.stack([_dot(side[:, i], b) for i in range(3)])
+    uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
+    flat = vv * uu > 1e-16 * (uu + vv) ** 2  # a sliver says nothing across its length: give it no vote
+    share = (share.reshape(-1, 3) * flat[:, None]).ravel()
+
+    # e^(i phi): t, seen in each corner's vertex frame after the shortest rotation of n onto the vertex normal
+    def per_corner(face_vector, vertex_vector):
+        return _dot(face_vector[:, None], vertex_vector[faces])
+
+    tilt = per_corner(t, normals) / np.maximum(1.0 + per_corner(n, normals), 1e-6)
+    turn = per_corner(t, x) - tilt * per_corner(n, x) + 1j * (per_corner(t, y) - tilt * per_corner(n, y))
+    size = np.abs(turn)
+    turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)  # (F, 3)
+
+    # second fundamental form: dn = II . side
+    corner_normals = normals[faces]
+    dn = corner_normals[:, [2, 0, 1]] - corner_normals[:, [1, 2, 0]]
+    du = np.stack([_dot(dn[:, i], t) for i in range(3)])
+    dv = np.stack([_dot(dn[:, i], b) for i in range(3)])
+    right = [(du * u).sum(axis=0), (du * v + dv * u).sum(axis=0), (dv * v).sum(axis=0)]
+    e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right)
+    mean = _scatter(index, np.repeat(0.5 * (e + g), 3) * share, count)
+    deviator = _scatter(index, ((0.5 * (e - g) + 1j * f)[:, None] * turn**2).ravel() * share, count)
+    if blur is not None:
+        mean, deviator = _blur_tensor(blur, mean, deviator, x, y)
+
+    # principal curvatures: mean +- |deviator|, the first along half the deviator's angle
+    spread = np.abs(deviator)
+    angle = 0.5 * np.angle(deviator)
+    convex = mean >= 0.0
+    k1, k2 = np.where(convex, mean + spread, mean - spread), np.where(convex, mean - spread, mean + spread)
+    angle = np.where(convex, angle, angle + 0.5 * np.pi)
+    axis = np.exp(1j * angle)
+    pdir1 = axis.real[:, None] * x + axis.imag[:, None] * y
+    pdir2 = axis.real[:, None] * y - axis.imag[:, None] * x
+
+    # derivative tensor: differences of the form, seen in the face's frame, along the sides
+    seen = deviator[faces] * np.conj(turn) ** 2
+    h = mean[faces]
+    d_mean = (h[:, [2, 0, 1]] - h[:, [1, 2, 0]]).T
+    d_dev = (seen[:, [2, 0, 1]] - seen[:, [1, 2, 0]]).T
+    d_uu, d_uv, d_vv = d_mean + d_dev.real, d_dev.imag, d_mean - d_dev.real
+    right = [
+        (u * d_uu).sum(axis=0),
+        (v * d_uu + 2.0 * u * d_uv).sum(axis=0),
+        (2.0 * v * d_uv + u * d_vv).sum(axis=0),
+        (v * d_vv).sum(axis=0),
+    ]
+    p_, q, r, s = _solve_tridiagonal([uu, 2.0 * uu + vv, uu + 2.0 * vv, vv], [uv, 2.0 * uv, uv], right)
+    one = (0.75 * ((p_ + r) + 1j * (q + s)))[:, None] * turn
+    three = (0.25 * ((p_ - 3.0 * r) + 1j * (3.0 * q - s)))[:, None] * turn**3
+    one = _scatter(index, one.ravel() * share, count) / axis
+    three = _scatter(index, three.ravel() * share, count) / axis**3
+    dcurv = np.stack(
+        [one.real + three.real, one.imag / 3.0 + three.imag, one.real / 3.0 - three.real, one.imag - three.imag], axis=1
+    )
+    return normals, k1, k2, pdir1, pdir2, dcurv, feature_size(vertices, k1, k2)
+
+
+def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray) -> float:
+    """rtsc's unit of length for line thresholds: 0.01 / (10th percentile of |k1| and |k2|), at most
+    0.05 of the bounding sphere's radius."""
+    low = float(np.percentile(np.abs(np.r_[k1, k2]), 10.0))
+    largest = 0.05 * bounding_radius(vertices)
+    return min(0.01 / low, largest) if low > 0.01 / largest else largest
+
+
+def bounding_radius(points: np.ndarray) -> float:
+    """Radius of the smallest sphere around points (N, 3), to 1e-6.
+
+    Grows a set of at most four support points by the point farthest outside their smallest sphere.
+    """
+    support = np.unique(points[[points[:, 0].argmin(), points[:, 0].argmax()]], axis=0)
+    for _ in range(100):
+        centre, radius, support = _smallest_sphere(support)
+        distance = np.linalg.norm(points - centre, axis=1)
+        far = int(distance.argmax())
+        if distance[far] <= radius * (1.0 + 1e-6) + 1e-12:
+            break
+        support = np.vstack([support, points[far]])
+    return float(distance[far])
+
+
+def _smallest_sphere(points: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Smallest sphere around at most five points, by trying every set that could carry it."""
+    best = None
+    for size in range(1, min(len(points), 4) + 1):
+        for chosen in combinations(range(len(points)), size):
+            carrier = points[list(chosen)]
+            rel = carrier[1:] - carrier[0]
+            offset = np.linalg.lstsq(2.0 * rel, _dot(rel, rel), rcond=None)[0] if len(rel) else np.zeros(3)
+            centre = carrier[0] + offset
+            radius = np.linalg.norm(points - centre, axis=1).max()
+            if best is None or radius < best[1] * (1.0 - 1e-9):
+                best = centre, radius, carrier
+    return best
+
+
+def _blur_matrix(vertices: np.ndarray, faces: np.ndarray, smooth: float):
+    """A function that smooths per-vertex values (V, k) by `smooth` mean edges; None where there is nothing to do.
+
+    Repeated half-way averaging with the edge neighbours: each step adds a quarter of a squared edge of variance.
+    """
+    if smooth <= 0.0:
+        return None
+    count = len(vertices)
+    edges, _ = mesh_edges(faces, count)
+    rows, columns = np.r_[edges[:, 0], edges[:, 1]], np.r_[edges[:, 1], edges[:, 0]]
+    neighbours = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
+    weight = 0.5 / np.asarray(neighbours.sum(axis=1)).ravel()
+    steps = int(np.ceil(4.0 * smooth**2))
+    blend = 4.0 * smooth**2 / steps  # the last step would overshoot: make all a little shorter instead
+
+    def blur(values):
+        for _ in range(steps):
+            average = 0.5 * values + weight.reshape(-1, *[1] * (values.ndim - 1)) * (neighbours @ values)
+            values = values + blend * (average - values)
+        return values
+
+    return blur
+
+
+def _blur_tensor(blur, mean, deviator, x, y):
+    """Smooth the curvature tensor in world coordinates, where neighbours' frames agree, and read it back in (x, y)."""
+    a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real
+    outer = (x[:, :, None] * x[:, None], x[:, :, None] * y[:, None], y[:, :, None] * y[:, None])
+    tensor = sum(k[:, None, None] * m for k, m in zip((a, b, b, c), (*outer[:2], outer[1].swapaxes(1, 2), outer[2]), strict=True))
+    tensor = blur(tensor.reshape(-1, 9)).reshape(-1, 3, 3)
+    a, b, c = (np.einsum("vi,vij,vj->v", p, tensor, q) for p, q in ((x, x), (x, y), (y, y)))
+    return 0.5 * (a + c), 0.5 * (a - c) + 1j * b
