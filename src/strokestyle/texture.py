@@ -1,0 +1,532 @@
+"""Texture by example: the artist's marks, cut into strips along the training strokes and laid along new ones.
+
+Image quilting (Efros and Freeman 2001) in the strokes' own u-v space: a new stroke is a sequence of runs copied from
+the training strips, chosen jointly by dynamic programming so that features, thickness, tone and ends agree and runs are
+long, joined along least-error cuts. What varies slowly (tone) follows a regression on the features; grain is copied.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy import ndimage
+
+from .curves import owner
+from .exemplar import Exemplar
+from .strokes import Crop, Strokes, Texture, coverage, ribbon, strip_points
+
+ROWS = 2  # texels a px along a strip, and about as many across
+MARGIN = 3.0  # px that strips reach beyond the half thickness
+NODE = 4  # px between the choices along a new stroke
+END = 40.0  # px from an end of a stroke within which its distance matters
+TONE_SIGMA = 5.0  # px along the stroke; what varies more slowly is tone, what varies faster is grain
+CANDIDATES = 24  # source positions weighed at every choice
+HALF_CUT = 4  # px to either side of a joint within which the least-error cut is sought
+
+
+@dataclass(frozen=True)
+class TextureBank:
+    """What a style remembers of its medium. Arrays only, so that it can be stored beside the networks' weights.
+
+    Parameters
+    ----------
+    rgba : (T, A, 4) uint8 straight, strips of the training strokes in drawing direction (see `_against_the_hand`)
+    offsets : (C+1,) int64 rows of each strip
+    row : (T, 4) float32: thickness; px from the stroke's start and end, negative in the caps, END at most; flaw in
+        [0, 1], the part of the row that other strokes hide
+    look : (T, D) float32, appearance round a row, small where two rows can follow each other unseen
+    tone : (T, 4) float32, opacity and ink colour round a row
+    fitted : (T, 4) float32, that tone as predicted from the features
+    weights : (Q, 4) float32, the regression from `_regressors` to tone
+    scale : (2, P + 4) float32, mean and standard deviation of the regressors
+    noise : (4,) float32, standard deviation of the tone about its prediction
+    margin : (1,) float32 px
+    flat : (1,) float32, 1 where flat ink tells the drawing better than its strips
+    """
+
+    rgba: np.ndarray
+    offsets: np.ndarray
+    row: np.ndarray
+    look: np.ndarray
+    tone: np.ndarray
+    fitted: np.ndarray
+    weights: np.ndarray
+    scale: np.ndarray
+    noise: np.ndarray
+    margin: np.ndarray
+    flat: np.ndarray
+
+    def to_dict(self) -> dict[str, np.ndarray]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_dict(cls, arrays: dict[str, np.ndarray]) -> TextureBank:
+        """Raises ValueError where an array is missing."""
+        names = [field.name for field in fields(cls)]
+        missing = [name for name in names if name not in arrays]
+        if missing:
+            raise ValueError(f"texture bank: no {', '.join(missing)} in it")
+        return cls(**{name: np.asarray(arrays[name]) for name in names})
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of all strips of some strokes, in drawing direction.
+
+    offsets (C+1,); thickness, start, end (R,) px; features (R, P); turned (C,) bool, against the strokes' own direction
+    """
+
+    offsets: np.ndarray
+    thickness: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+    features: np.ndarray
+    turned: np.ndarray
+
+
+def _against_the_hand(strokes: Strokes) -> np.ndarray:
+    """(C,) bool: strokes whose points run up or to the left, where a hand would pull the other way.
+
+    Curves have no direction of their own; strips need one, so that a stroke's beginning is laid on a beginning.
+    """
+    chord = strokes.xy[strokes.offsets[1:] - 1] - strokes.xy[strokes.offsets[:-1]]
+    return (chord @ [0.6, 1.0] < 0) & ~strokes.closed
+
+
+def _rows(strokes: Strokes, features: np.ndarray, margin: float) -> Rows:
+    turned = _against_the_hand(strokes)
+    count, columns = [], []
+    for i in range(len(strokes)):
+        rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
+        band = ribbon(strokes, i, margin)
+        n = max(2, round(ROWS * band.length))
+        u = (np.arange(n) + 0.5) / n * band.length
+        thickness = 2.0 * (np.interp(u, band.along, band.half) - margin)
+        ends = np.full((2, n), END)
+        first = 0.0
+        if not band.closed:
+            first, last = band.half[0], band.length - band.half[-1]
+            ends = np.stack([np.minimum(u - first, END), np.minimum(last - u, END)])
+        step = np.hypot(*np.diff(strokes.xy[rows], axis=0).T)
+        along = np.r_[0.0, np.cumsum(step)] + first
+        carried = np.stack([np.interp(u, along, column) for column in features[rows].T], axis=1)
+        table = np.concatenate([thickness[:, None], ends.T, carried], axis=1)
+        if turned[i]:
+            table = table[::-1]
+            table[:, [1, 2]] = table[:, [2, 1]]
+        columns.append(table)
+        count.append(n)
+    table = np.concatenate(columns)
+    return Rows(np.r_[0, np.cumsum(count)], table[:, 0], table[:, 1], table[:, 2], table[:, 3:], turned)
+
+
+# ------------------------------------------------------------------------------------------------------ learning
+
+
+def learn_texture(
+    strokes: Strokes, features: np.ndarray, exemplar: Exemplar, seed: int = 0, margin: float = MARGIN
+) -> TextureBank:
+    """Cut the exemplar into strips along the strokes that were fitted to it.
+
+    Parameters
+    ----------
+    strokes : fitted training strokes, in the exemplar's pixels
+    features : (N, P) float, one row per stroke point; `synthesise` needs the same features of the new strokes
+    seed : decides what is held out where flat ink and strips compete
+
+    Raises
+    ------
+    ValueError
+        without strokes, or on features that do not fit them.
+    """
+    features = _checked(strokes, features)
+    if not len(strokes):
+        raise ValueError("learn_texture: no strokes to learn from")
+    rows = _rows(strokes, features, margin)
+    half = 0.5 * rows.thickness.max() + margin
+    columns = int(np.clip(2 * np.ceil(ROWS * half), 12, 96))
+    strips, valid = _cut_strips(strokes, rows, exemplar, margin, columns)
+    flaw = 1.0 - valid.mean(axis=1)
+    strips = _mend(strips, valid, rows, margin)
+    alpha = strips[..., 3]
+    core = _core(rows.thickness, margin, columns)
+    tone = _tone(strips, core, rows.offsets, 1.0 - flaw)
+    plain = _plain_regressors(rows)
+    scale = np.stack([plain.mean(axis=0), np.maximum(plain.std(axis=0), 1e-6)])
+    design = _regressors(rows, scale)
+    weights, noise = _regress(design, tone, owner(rows.offsets), (1.0 - flaw) * (core * alpha).sum(axis=1))
+    fitted = design @ weights
+    look = _look(strips, rows.offsets)
+    return TextureBank(
+        rgba=np.rint(np.clip(_straight(strips), 0, 1) * 255).astype(np.uint8),
+        offsets=rows.offsets,
+        row=np.stack([rows.thickness, rows.start, rows.end, flaw], axis=1).astype(np.float32),
+        look=look.astype(np.float32),
+        tone=tone.astype(np.float32),
+        fitted=fitted.astype(np.float32),
+        weights=weights.astype(np.float32),
+        scale=scale.astype(np.float32),
+        noise=noise.astype(np.float32),
+        margin=np.array([margin], np.float32),
+        flat=np.zeros(1, np.float32),
+    )
+
+
+def _checked(strokes, features):
+    features = np.asarray(features, np.float64)
+    if features.ndim != 2 or len(features) != len(strokes.xy):
+        raise ValueError(f"features must have shape ({len(strokes.xy)}, P), got {features.shape}")
+    if not np.isfinite(features).all():
+        raise ValueError("the features of the strokes hold values that are not finite")
+    return features
+
+
+def _cut_strips(strokes, rows, exemplar, margin, columns):
+    """Premultiplied samples along every stroke (R, A, 4), and (R, A) bool, False where another stroke lies."""
+    height, width = exemplar.alpha.shape
+    nearest, second = _claims(strokes, (width, height))
+    planes = [exemplar.ink[..., k] * exemplar.alpha for k in range(3)] + [exemplar.alpha]
+    planes = [ndimage.spline_filter(plane, 3, output=np.float32) for plane in planes]
+    strips, valid = [], []
+    for i in range(len(strokes)):
+        band = ribbon(strokes, i, margin)
+        n = rows.offsets[i + 1] - rows.offsets[i]
+        at = strip_points(band, n, columns)[..., ::-1].transpose(2, 0, 1) - 0.5
+        strip = [ndimage.map_coordinates(plane, at, order=3, mode="nearest", prefilter=False) for plane in planes]
+        inside = np.rint(at).astype(np.int64)
+        y, x = np.clip(inside[0], 0, height - 1), np.clip(inside[1], 0, width - 1)
+        mine = nearest[0][y, x] == i
+        rival = np.where(mine, second[y, x], nearest[1][y, x])
+        free = rival < -1.0
+        strip, free = np.stack(strip, axis=-1), free | (mine & (rival < nearest[1][y, x] - 4.0))
+        if rows.turned[i]:
+            strip, free = strip[::-1, ::-1], free[::-1, ::-1]
+        strips.append(strip)
+        valid.append(free)
+    strips = np.concatenate(strips)
+    alpha = np.clip(strips[..., 3:], 0, 1)
+    return np.concatenate([np.clip(strips[..., :3], 0, alpha), alpha], axis=-1), np.concatenate(valid)
+
+
+def _claims(strokes, size):
+    """The stroke that each pixel lies deepest in, how deep (px, negative outside), and how deep in the next one.
+
+    Returns ((H, W) int, (H, W) float), (H, W) float; -1 and -inf where no stroke is near.
+    """
+    width, height = size
+    first, index = np.full((height, width), -np.inf), np.full((height, width), -1)
+    second = first.copy()
+    grown = Strokes(strokes.xy, strokes.thickness + 8.0, strokes.offsets, strokes.kind, strokes.closed)
+    for i in range(len(strokes)):
+        crop, depth = _depth(grown, i, size)
+        depth = depth - 4.0
+        old, box = first[crop.index], crop.index
+        better = depth > old
+        second[box] = np.where(better, old, np.maximum(second[box], depth))
+        index[box] = np.where(better, i, index[box])
+        first[box] = np.where(better, depth, old)
+    return (index, first), second
+
+
+def _depth(strokes, i, size) -> tuple[Crop, np.ndarray]:
+    crop, cover = coverage(strokes, i, size)
+    return crop, np.where(cover > 0.5, ndimage.distance_transform_edt(cover > 0.5), -np.inf)
+
+
+def _core(thickness, margin, columns):
+    """(R, A) weight of the texels within the thickness of a row."""
+    v = np.abs((2.0 * np.arange(columns) + 1.0) / columns - 1.0)
+    distance = v[None] * (0.5 * thickness + margin)[:, None]
+    return np.clip(0.5 * thickness[:, None] - distance + 0.5, 0.02, 1.0)
+
+
+def _mend(strips, valid, rows, margin):
+    """Fill what other strokes hide from the nearest rows of the strip that are free at the same distance across."""
+    out = strips.copy()
+    columns = np.broadcast_to(np.arange(strips.shape[1]), valid.shape[1:])
+    for a, b in zip(rows.offsets[:-1], rows.offsets[1:], strict=True):
+        free = valid[a:b]
+        if free.all():
+            continue
+        # along the strip only: each column is its own one-dimensional problem
+        at = np.where(free, np.arange(b - a)[:, None], -1)
+        before = np.maximum.accumulate(at, axis=0)
+        after = np.where(free, np.arange(b - a)[:, None], b - a)
+        after = np.minimum.accumulate(after[::-1], axis=0)[::-1]
+        r = np.arange(b - a)[:, None]
+        source = np.where((before >= 0) & ((r - before <= after - r) | (after >= b - a)), before, after)
+        known = source < b - a
+        filled = strips[a + np.minimum(source, b - a - 1), columns]
+        out[a:b] = np.where(known[..., None], filled, strips[a:b])
+        # past an end there is nothing to copy but the body of the stroke: round it off
+        v = (2.0 * np.arange(strips.shape[1]) + 1.0) / strips.shape[1] - 1.0
+        across = v[None] * (0.5 * rows.thickness[a:b] + margin)[:, None]
+        past = np.maximum(0.0, -np.minimum(rows.start[a:b], rows.end[a:b]))[:, None]
+        inside = np.clip(0.5 * rows.thickness[a:b, None] - np.hypot(across, past) + 1.0, 0.0, 1.0)
+        out[a:b] *= np.where(free | (past <= 0), 1.0, inside)[..., None]
+    return out
+
+
+def _smooth_rows(values, offsets, sigma, weight=None):
+    """Gaussian along every strip, (R, k); with weights (R,) a weighted mean."""
+    weight = np.ones(len(values)) if weight is None else weight
+    out = np.empty_like(values, dtype=np.float64)
+    for a, b in zip(offsets[:-1], offsets[1:], strict=True):
+        w = ndimage.gaussian_filter1d(weight[a:b], sigma, axis=0, mode="nearest")
+        flat = ndimage.gaussian_filter1d(values[a:b] * weight[a:b, None], sigma, axis=0, mode="nearest")
+        out[a:b] = flat / np.maximum(w, 1e-9)[:, None]
+    return out
+
+
+def _tone(strips, core, offsets, trust):
+    """Opacity of the core and colour of the ink, slowly varying along the strips: (R, 4) opacity, r, g, b."""
+    ink = (strips * core[..., None]).sum(axis=1)  # (R, 4) premultiplied
+    area = core.sum(axis=1)
+    smooth = _smooth_rows(np.concatenate([ink, area[:, None]], axis=1), offsets, TONE_SIGMA * ROWS, trust + 1e-3)
+    opacity = smooth[:, 3] / np.maximum(smooth[:, 4], 1e-9)
+    return np.concatenate([opacity[:, None], smooth[:, :3] / np.maximum(smooth[:, 3:4], 1e-6)], axis=1)
+
+
+def _plain_regressors(rows: Rows) -> np.ndarray:
+    ends = np.clip(np.stack([rows.start, rows.end], axis=1), -3.0, END)
+    log = np.log(rows.thickness + 1.0)
+    return np.concatenate([rows.features, rows.thickness[:, None], log[:, None], ends], axis=1)
+
+
+def _regressors(rows: Rows, scale: np.ndarray) -> np.ndarray:
+    """(R, Q): a constant, the standardised features, thickness and end distances, and their squares."""
+    x = np.clip((_plain_regressors(rows) - scale[0]) / scale[1], -3.0, 3.0)
+    return np.concatenate([np.ones((len(x), 1)), x, x * x - 1.0], axis=1)
+
+
+def _regress(design, tone, stroke, weight):
+    """Ridge regression of the tone, its strength chosen by holding strokes out: weights (Q, 4), noise (4,).
+
+    A part of the tone that the held-out strokes do not confirm is predicted by its mean.
+    """
+    keep = slice(None, None, ROWS)  # rows are far from independent
+    x, y, s, w = design[keep], tone[keep], stroke[keep], np.sqrt(weight[keep] / weight.mean() + 1e-6)[:, None]
+    folds = [s % 5 == k for k in range(5)]
+    folds = [f for f in folds if f.any() and not f.all()]
+    mean = (y * w * w).sum(axis=0) / (w * w).sum()
+
+    def solve(x, y, w, strength):
+        a = (x * w).T @ (x * w)
+        penalty = np.full(len(a), strength * len(x))
+        penalty[0] = 1e-6 * len(x)
+        return np.linalg.solve(a + np.diag(penalty), (x * w).T @ (y * w))
+
+    variance = (w * w * (y - mean) ** 2).mean(axis=0)
+    best, error = np.zeros((x.shape[1], y.shape[1])), variance.copy()
+    best[0] = mean
+    for strength in (0.01, 0.03, 0.1, 0.3, 1.0, 3.0):
+        held = np.zeros_like(y)
+        for fold in folds:
+            held[fold] = x[fold] @ solve(x[~fold], y[~fold], w[~fold], strength)
+        off = (w * w * (y - held) ** 2).mean(axis=0)
+        better = (off < error) if folds else np.zeros(4, bool)
+        if better.any():
+            best[:, better] = solve(x, y, w, strength)[:, better]
+            error = np.where(better, off, error)
+    return best, np.sqrt(error)
+
+
+def _look(strips, offsets):
+    """What a cut between two rows would show: the strip, coarse across and slightly blurred along."""
+    r, a, _ = strips.shape
+    groups = np.array_split(np.arange(a), min(10, a))
+    coarse = np.stack([strips[:, g].mean(axis=1) for g in groups], axis=1)  # (R, 10, 4)
+    seen = np.concatenate([coarse[..., 3], (coarse[..., :3].mean(axis=2) - coarse[..., 3])], axis=1)
+    return _smooth_rows(seen, offsets, 1.0 * ROWS) / np.sqrt(len(groups))
+
+
+# ----------------------------------------------------------------------------------------------------- synthesis
+
+
+def synthesise(
+    bank: TextureBank, strokes: Strokes, features: np.ndarray, seed: int = 0
+) -> tuple[Texture | None, np.ndarray]:
+    """Texture for new strokes, and the flat ink of each: (Texture or None, (C, 4) straight RGBA in [0, 1]).
+
+    The same bank, strokes, features and seed give the same texture.
+    """
+    features = _checked(strokes, features)
+    if not len(strokes):
+        return None, np.zeros((0, 4))
+    margin = float(bank.margin[0])
+    rows = _rows(strokes, features, margin)
+    predicted = _regressors(rows, bank.scale.astype(np.float64)) @ bank.weights
+    low, high = bank.tone.min(axis=0), bank.tone.max(axis=0)
+    predicted = np.clip(predicted, low, high)
+    stroke = owner(rows.offsets)
+    weight = np.bincount(stroke, rows.thickness + 0.1)
+    ink = [np.bincount(stroke, (rows.thickness + 0.1) * column) / weight for column in predicted.T]
+    color = np.clip(np.stack([ink[1], ink[2], ink[3], ink[0]], axis=1), 0, 1)
+    if bank.flat[0] > 0.5:
+        return None, color
+    rng = np.random.default_rng(seed)
+    source = _choose(bank, rows, predicted, rng)
+    strips = _lay(bank, rows, source, predicted)
+    strips = _turn(strips, rows)
+    return Texture(strips, rows.offsets, margin), color
+
+
+def _turn(strips, rows):
+    out = strips.copy()
+    for i in np.flatnonzero(rows.turned):
+        part = slice(rows.offsets[i], rows.offsets[i + 1])
+        out[part] = strips[part][::-1, ::-1]
+    return out
+
+
+def _choose(bank, rows, predicted, rng) -> list[np.ndarray]:
+    """For every stroke the source row (K,) of each of its nodes, NODE px apart: Viterbi over candidates."""
+    step = NODE * ROWS
+    every = np.arange(0, len(bank.row), ROWS)  # source rows on offer
+    strip = owner(bank.offsets)
+    noise = np.maximum(bank.noise, [0.03, 0.02, 0.02, 0.02])
+    # the row that follows a node's, and none where the strip is over
+    follows = np.full(len(bank.row), -1)
+    r = np.arange(len(bank.row) - step)
+    follows[r] = np.where(strip[r] == strip[r + step], r + step, -1)
+    chosen = []
+    for i in range(len(rows.offsets) - 1):
+        a, b = rows.offsets[i], rows.offsets[i + 1]
+        node = np.minimum(np.arange(a + step // 2, max(b, a + step // 2 + 1), step), b - 1)
+
+        def unary(node, source):  # (K, n) for all source, or (n,) pairs
+            t, s = rows.thickness[node], bank.row[source, 0]
+            cost = 3.0 * np.square(np.log((t + 1.0) / (s + 1.0)) / 0.3)
+            for k, mine in ((1, rows.start[node]), (2, rows.end[node])):
+                off = np.clip(mine, -8.0, END) - np.clip(bank.row[source, k], -8.0, END)
+                cost = cost + np.square(off / (4.0 + 0.25 * np.clip(mine, 0, END)))
+            cost = cost + 0.5 * np.square(predicted[node] / noise - bank.fitted[source] / noise).sum(axis=-1)
+            return cost + 8.0 * bank.row[source, 3]
+
+        grid = unary(node[:, None], every[None])
+        grid += rng.gumbel(0.0, 0.3, grid.shape)
+        near = every[np.argpartition(grid, min(CANDIDATES, len(every)) - 1, axis=1)[:, :CANDIDATES]]
+        chosen.append(_viterbi(bank, node, near, unary, follows))
+    return chosen
+
+
+JUMP = 3.0
+SEEN = 60.0
+
+
+def _viterbi(bank, node, near, unary, follows):
+    candidates = [near[0]]
+    total = unary(node[0], near[0])
+    back = []
+    for k in range(1, len(node)):
+        last = candidates[-1]
+        on = follows[last]
+        on = np.unique(on[on >= 0])
+        if len(on) > 2 * CANDIDATES:
+            on = on[np.argsort(unary(node[k], on), kind="stable")[: 2 * CANDIDATES]]
+        here = np.unique(np.concatenate([near[k], on]))
+        go = np.where(follows[last] >= 0, follows[last], last)
+        seam = np.square(bank.look[go][:, None] - bank.look[here][None]).sum(axis=2)
+        move = JUMP + SEEN * seam + 4.0 * (follows[last] < 0)[:, None]
+        move = np.where(follows[last][:, None] == here[None], 0.0, move)
+        cost = total[:, None] + move
+        best = cost.argmin(axis=0)
+        back.append(best)
+        total = cost[best, np.arange(len(here))] + unary(node[k], here)
+        candidates.append(here)
+    at = int(total.argmin())
+    path = [candidates[-1][at]]
+    for k in range(len(node) - 1, 0, -1):
+        at = back[k - 1][at]
+        path.append(candidates[k - 1][at])
+    return np.array(path[::-1])
+
+
+def _lay(bank, rows, source, predicted) -> np.ndarray:
+    """Copy the chosen runs into strips (R, A, 4) uint8 for the new strokes."""
+    margin, step = float(bank.margin[0]), NODE * ROWS
+    half = 0.5 * rows.thickness.max() + margin
+    columns = int(np.clip(2 * np.ceil(ROWS * half), 12, 96))
+    out = np.zeros((len(rows.thickness), columns, 4), np.uint8)
+    for i, nodes in enumerate(source):
+        a, b = rows.offsets[i], rows.offsets[i + 1]
+        out[a:b] = _lay_stroke(bank, rows, a, b, nodes, predicted, margin, step, columns)
+    return out
+
+
+def _lay_stroke(bank, rows, a, b, nodes, predicted, margin, step, columns):
+    n = b - a
+    # runs: stretches of nodes that follow each other in the bank
+    jump = np.flatnonzero(np.diff(nodes) != step) + 1
+    first = np.r_[0, jump]
+    # a run's source row for target row r is r + shift; it reigns from `begin` to the next run's
+    shift = nodes[first] - (a + np.minimum(first * step + step // 2, n - 1))
+    begin = np.r_[0, jump * step, n]
+    strip = np.searchsorted(bank.offsets, nodes[first], side="right") - 1
+    low, high = bank.offsets[strip], bank.offsets[strip + 1] - 1
+    reach = HALF_CUT * ROWS
+
+    def copy(run, r):
+        """Rows r of the target out of one run: (len(r), columns, 4) float premultiplied, tone carried over."""
+        s = np.clip(a + r + shift[run], low[run], high[run])
+        return _resampled(bank, s, rows.thickness[a + r], margin, columns), s
+
+    layer = np.zeros((n, columns, 4), np.float32)
+    for run in range(len(first)):
+        r = np.arange(max(0, begin[run] - (reach if run else 0)), begin[run + 1])
+        patch, s = copy(run, r)
+        head = np.flatnonzero(r < begin[run] + reach) if run else np.zeros(0, int)
+        if len(head):
+            over = r[head]
+            old = copy(run - 1, over)[0]
+            old[: begin[run] - over[0]] = layer[over[: begin[run] - over[0]]]
+            patch[head] = _joined(old, patch[head])
+        layer[r] = patch
+    return np.rint(np.clip(_straight(layer), 0, 1) * 255).astype(np.uint8)
+
+
+def _resampled(bank, s, thickness, margin, columns):
+    """Rows s of the bank, stretched across from their own thickness to `thickness` (n,), premultiplied float32.
+
+    The core is stretched; beyond the edge distances stay what they are, so that a soft edge keeps its softness.
+    """
+    a = bank.rgba.shape[1]
+    v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
+    half, own = 0.5 * thickness[:, None], 0.5 * bank.row[s, 0][:, None].astype(np.float64)
+    distance = np.abs(v)[None] * (half + margin)
+    inner = distance * (own / np.maximum(half, 1e-6))
+    across = np.sign(v)[None] * np.where(distance < half, inner, own + distance - half)
+    column = np.clip((across / (own + margin) + 1.0) * 0.5 * a - 0.5, 0, a - 1)
+    c0 = np.minimum(column.astype(np.int64), a - 2)
+    f = (column - c0)[..., None].astype(np.float32)
+    strip = bank.rgba[s].astype(np.float32) / 255.0
+    strip[..., :3] *= strip[..., 3:]
+    r = np.arange(len(s))[:, None]
+    return strip[r, c0] * (1 - f) + strip[r, c0 + 1] * f
+
+
+def _joined(old, new):
+    """Two patches (n, A, 4) of the same rows -> one that begins as `old` and ends as `new`, along a least-error cut."""
+    n, columns, _ = old.shape
+    error = np.square(old - new).sum(axis=2)  # (n, A)
+    error = ndimage.uniform_filter1d(error, 3, axis=0) + 1e-4
+    total = error[:, 0].copy()
+    back = np.zeros((columns, n), np.int64)
+    for c in range(1, columns):
+        pad = np.r_[np.inf, total, np.inf]
+        three = np.stack([pad[:-2], pad[1:-1], pad[2:]])
+        pick = three.argmin(axis=0)
+        back[c] = np.arange(n) + pick - 1
+        total = three[pick, np.arange(n)] + error[:, c]
+    cut = np.empty(columns, np.int64)
+    cut[-1] = total.argmin()
+    for c in range(columns - 1, 0, -1):
+        cut[c - 1] = back[c][cut[c]]
+    weight = np.clip((np.arange(n)[:, None] - cut[None]) / 3.0 + 0.5, 0.0, 1.0)[..., None].astype(np.float32)
+    return old * (1 - weight) + new * weight
+
+
+def _straight(premultiplied):
+    alpha = premultiplied[..., 3:]
+    return np.concatenate([premultiplied[..., :3] / np.maximum(alpha, 1e-4), alpha], axis=-1)
