@@ -247,6 +247,7 @@ def make_surface(
     smooth: float = 0.0,
     part: np.ndarray | None = None,
     part_names: tuple[str, ...] = ("",),
+    rtsc: bool = False,
 ) -> Surface:
     """Clean a triangle soup and measure it.
 
@@ -256,6 +257,7 @@ def make_surface(
     faces : (F, 3) int
     smooth : float, standard deviation in mean edge lengths of the smoothing of normals and curvatures
     part, part_names : the named part that each face belongs to
+    rtsc : reproduce rtsc 1.6 to the last digit, its faults included (see differential_geometry)
 
     Vertices at one place become one; faces without area and repeated faces go; winding is made to agree within each
     component, outward where it is closed. Vertex order is kept. Raises ValueError where no surface is left.
@@ -283,7 +285,7 @@ def make_surface(
     return Surface(
         vertices,
         faces,
-        *differential_geometry(vertices, faces, smooth),
+        *differential_geometry(vertices, faces, smooth, rtsc),
         centre=centre + scale * moved_centre,
         scale=scale * moved_scale,
         part=part,
@@ -493,21 +495,31 @@ def _tangent_frame(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _solve_tridiagonal(diagonal: list, off: list, right: list) -> list:
-    """Solve many small symmetric positive tridiagonal systems at once; each entry is a row of all of them."""
+def _solve_tridiagonal(diagonal: list, off: list, right: list, rtsc: bool = False) -> list:
+    """Solve many small symmetric positive tridiagonal systems at once; each entry is a row of all of them.
+
+    `rtsc` : leave the last pivot of 3 x 3 systems as it is, the slip of trimesh2's solver.
+    """
     diagonal, right = list(diagonal), list(right)
+    last = diagonal[-1]
     for i in range(1, len(diagonal)):
         ratio = off[i - 1] / np.maximum(diagonal[i - 1], _TINY)
         diagonal[i] = diagonal[i] - ratio * off[i - 1]
         right[i] = right[i] - ratio * right[i - 1]
+    if rtsc and len(diagonal) == 3:
+        diagonal[-1] = last
     out = [right[-1] / np.maximum(diagonal[-1], _TINY)]
     for i in range(len(diagonal) - 2, -1, -1):
         out.insert(0, (right[i] - off[i] * out[0]) / np.maximum(diagonal[i], _TINY))
     return out
 
 
-def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float = 0.0) -> tuple:
+def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float = 0.0, rtsc: bool = False) -> tuple:
     """Normals, k1, k2, pdir1, pdir2, dcurv, feature size, after Rusinkiewicz 2004.
+
+    `rtsc` : the numbers of rtsc 1.6 to the last digit instead, for comparison with it. It differs from the paper in
+    that its 3 x 3 solver skips the last elimination step, which makes curvature depend on the order of a face's
+    corners, and in that it estimates the feature size from 500 vertices.
 
     Least squares on each face fits the second fundamental form to differences of vertex normals, and its derivative to
     differences of vertex curvatures; vertices average their faces by Voronoi area after turning each face's plane
@@ -554,7 +566,7 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     du = np.stack([_dot(dn[:, i], t) for i in range(3)])
     dv = np.stack([_dot(dn[:, i], b) for i in range(3)])
     right = [(du * u).sum(axis=0), (du * v + dv * u).sum(axis=0), (dv * v).sum(axis=0)]
-    e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right)
+    e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right, rtsc)
     mean = _scatter(index, np.repeat(0.5 * (e + g), 3) * share, count)
     deviator = _scatter(index, ((0.5 * (e - g) + 1j * f)[:, None] * turn**2).ravel() * share, count)
     if blur is not None:
@@ -590,13 +602,21 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     dcurv = np.stack(
         [one.real + three.real, one.imag / 3.0 + three.imag, one.real / 3.0 - three.real, one.imag - three.imag], axis=1
     )
-    return normals, k1, k2, pdir1, pdir2, dcurv, feature_size(vertices, k1, k2)
+    return normals, k1, k2, pdir1, pdir2, dcurv, feature_size(vertices, k1, k2, rtsc)
 
 
-def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray) -> float:
+def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray, rtsc: bool = False) -> float:
     """rtsc's unit of length for line thresholds: 0.01 / (10th percentile of |k1| and |k2|), at most
-    0.05 of the bounding sphere's radius."""
-    low = float(np.percentile(np.abs(np.r_[k1, k2]), 10.0))
+    0.05 of the bounding sphere's radius. `rtsc` : over the 500 vertices that its random numbers pick."""
+    if rtsc:
+        picked, state = [], 0
+        for _ in range(min(len(k1), 500)):
+            state = (1664525 * state + 1013904223) % 2**32
+            picked.append(state % len(k1))
+        k1, k2 = k1[picked], k2[picked]
+        low = float(np.sort(np.abs(np.r_[k1, k2]))[2 * len(picked) // 10])
+    else:
+        low = float(np.percentile(np.abs(np.r_[k1, k2]), 10.0))
     largest = 0.05 * bounding_radius(vertices)
     return min(0.01 / low, largest) if low > 0.01 / largest else largest
 

@@ -1,0 +1,670 @@
+"""Lines on the surface: contours, suggestive contours, apparent ridges, ridges, valleys, creases, boundaries.
+
+Segments are found face by face, below the resolution of the mesh, where a linearly interpolated per-vertex field
+crosses zero; they are then chained across faces into the longest polylines. Conventions and thresholds are rtsc's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import lru_cache
+
+import numpy as np
+
+from .camera import Camera
+from .curves import KINDS, check_offsets, take_ragged
+from .surface import Surface
+
+SURFACE_KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent")
+_NEXT, _BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])  # the corners after and before corner 0, 1, 2
+
+
+@dataclass(frozen=True)
+class LineOptions:
+    """Which lines to draw, and from what strength on. Thresholds are in units of the feature size F.
+
+    Parameters
+    ----------
+    kinds : names out of SURFACE_KINDS
+    suggestive : least derivative of radial curvature along the view over n.v, times F^2 (DeCarlo 2003)
+    ridge, valley : least principal curvature, times F (Ohtake 2004)
+    apparent : least view-dependent curvature (Judd 2007), times F^2
+    crease : least angle between the faces at a crease, degrees
+    hysteresis : strength (0..1) that a suggestive contour, ridge, valley or apparent ridge must reach somewhere;
+        the rest of it may be as weak as its threshold. 0 keeps all.
+    trim : leave out the contours that cannot be seen because the surface curves towards the eye there
+
+    Raises
+    ------
+    ValueError
+        on an unknown kind or a threshold out of range.
+    """
+
+    kinds: tuple[str, ...] = ("contour", "boundary", "crease", "suggestive", "ridge", "valley")
+    suggestive: float = 0.01
+    ridge: float = 0.1
+    valley: float = 0.1
+    apparent: float = 0.1
+    crease: float = 40.0
+    hysteresis: float = 0.0
+    trim: bool = True
+
+    def __post_init__(self):
+        kinds = tuple(self.kinds)
+        for kind in kinds:
+            if kind not in SURFACE_KINDS:
+                raise ValueError(f"line kind {kind!r} is none of {', '.join(SURFACE_KINDS)}")
+        object.__setattr__(self, "kinds", tuple(kind for kind in SURFACE_KINDS if kind in kinds))
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(item.default, float) and not (np.isfinite(value) and value >= 0.0):
+                raise ValueError(f"line option {item.name} must be a number from 0 on, got {value}")
+        if self.hysteresis > 1.0:
+            raise ValueError(f"line option hysteresis must lie between 0 and 1, got {self.hysteresis}")
+        if self.crease > 180.0:
+            raise ValueError(f"line option crease must lie between 0 and 180 degrees, got {self.crease}")
+
+
+@dataclass(frozen=True)
+class SurfaceCurves:
+    """Polylines that know where on the mesh they lie.
+
+    Parameters
+    ----------
+    face : (N,) int64; the segment from row i to row i + 1 of a curve lies in (or along) face[i]
+    bary : (N, 3) float64, weights of the corners of that face
+    offsets : (C+1,) int64, curve i is rows offsets[i]:offsets[i+1], at least two
+    kind : (C,) int8, index into curves.KINDS
+    closed : (C,) bool; a closed curve repeats its first point as its last
+    strength : (N,) float64 in 0..1, how far above its threshold the line is there; 1 for contours, creases, boundaries
+
+    Raises
+    ------
+    ValueError
+        on a wrong shape or a value that is not finite.
+    """
+
+    face: np.ndarray
+    bary: np.ndarray
+    offsets: np.ndarray
+    kind: np.ndarray
+    closed: np.ndarray
+    strength: np.ndarray
+
+    def __post_init__(self):
+        face, bary = np.asarray(self.face, np.int64), np.asarray(self.bary, np.float64)
+        offsets, kind = np.asarray(self.offsets, np.int64), np.asarray(self.kind, np.int8)
+        closed, strength = np.asarray(self.closed, bool), np.asarray(self.strength, np.float64)
+        if face.ndim != 1 or bary.shape != (len(face), 3) or strength.shape != (len(face),):
+            raise ValueError(
+                f"SurfaceCurves.face, .bary and .strength must have shapes (N,), (N, 3) and (N,), "
+                f"got {face.shape}, {bary.shape} and {strength.shape}"
+            )
+        if not (np.isfinite(bary).all() and np.isfinite(strength).all()):
+            raise ValueError("SurfaceCurves holds values that are not finite")
+        check_offsets(offsets, len(face), 2, "SurfaceCurves")
+        count = len(offsets) - 1
+        if kind.shape != (count,) or closed.shape != (count,):
+            raise ValueError(
+                f"SurfaceCurves.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}"
+            )
+        if count and not (0 <= kind.min() and kind.max() < len(KINDS)):
+            raise ValueError(f"SurfaceCurves.kind must lie in 0..{len(KINDS) - 1}")
+        for name, value in zip(
+            ("face", "bary", "offsets", "kind", "closed", "strength"),
+            (face, bary, offsets, kind, closed, strength),
+            strict=True,
+        ):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    @classmethod
+    def empty(cls) -> SurfaceCurves:
+        return cls(np.zeros(0), np.zeros((0, 3)), [0], np.zeros(0), np.zeros(0), np.zeros(0))
+
+    @classmethod
+    def concatenate(cls, parts: list[SurfaceCurves]) -> SurfaceCurves:
+        if not parts:
+            return cls.empty()
+        counts = np.concatenate([np.diff(part.offsets) for part in parts])
+        columns = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("face", "bary", "kind", "closed", "strength")
+        )
+        face, bary, kind, closed, strength = columns
+        return cls(face, bary, np.r_[0, np.cumsum(counts)], kind, closed, strength)
+
+    def take(self, index) -> SurfaceCurves:
+        """The curves of an index or mask over C, in that order."""
+        index = np.arange(len(self))[np.asarray(index)]
+        rows, offsets = take_ragged(self.offsets, index)
+        return SurfaceCurves(
+            self.face[rows], self.bary[rows], offsets, self.kind[index], self.closed[index], self.strength[rows]
+        )
+
+    def points(self, surface: Surface) -> np.ndarray:
+        """Points in space, (N, 3)."""
+        return self.interpolate(surface, surface.vertices)
+
+    def interpolate(self, surface: Surface, values: np.ndarray) -> np.ndarray:
+        """Per-vertex values (V,) or (V, k) -> the same at every point, (N,) or (N, k)."""
+        return _interpolate(surface, self.face, self.bary, values)
+
+
+def _interpolate(surface: Surface, face: np.ndarray, bary: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...ik->...k", bary, values.reshape(len(values), -1)[surface.faces[face]]).reshape(
+        bary.shape[:-1] + values.shape[1:]
+    )
+
+
+def feature_curves(surface: Surface, camera: Camera, options: LineOptions | None = None) -> SurfaceCurves:
+    """All lines of `options.kinds` as seen by `camera`, hidden ones included, kind by kind in KINDS order.
+
+    Ridges, valleys, creases and boundaries do not depend on the camera and are found once per surface and options.
+    Parts of closed surfaces that face away are left out where a kind cannot be seen there.
+    """
+    options = options or LineOptions()
+    view = ViewFields.of(surface, camera.eye)
+    segments = [find(surface, view, options) for kind, find in _VIEW_KINDS.items() if kind in options.kinds]
+    curves = SurfaceCurves.concatenate(
+        [_chain(surface, part, camera.up, options.hysteresis) for part in segments] + [_facing(surface, view, options)]
+    )
+    return curves.take(np.argsort(curves.kind, kind="stable"))
+
+
+@lru_cache(maxsize=4)
+def surface_lines(surface: Surface, options: LineOptions) -> SurfaceCurves:
+    """The lines that do not depend on the camera: boundaries, creases, ridges, valleys."""
+    segments = [find(surface, options) for kind, find in _SURFACE_KINDS.items() if kind in options.kinds]
+    return SurfaceCurves.concatenate(
+        [_chain(surface, part, np.array([0.0, 1.0, 0.0]), options.hysteresis) for part in segments]
+    )
+
+
+def _facing(surface: Surface, view: ViewFields, options: LineOptions) -> SurfaceCurves:
+    """surface_lines less the curves that face away all along, on closed surfaces."""
+    curves = surface_lines(surface, options)
+    if not len(curves):
+        return curves
+    front = (view.n_dot_v > 0.0) | ~surface.closed_vertices
+    seen = front[surface.faces[curves.face]].any(axis=1)
+    return curves.take(np.add.reduceat(seen, curves.offsets[:-1]) > 0)
+
+
+# ------------------------------------------------------------------------------------------------- fields of a view
+
+
+@dataclass(frozen=True)
+class ViewFields:
+    """What a surface looks like from an eye, per vertex.
+
+    Parameters
+    ----------
+    n_dot_v : (V,), cosine between the normal and the direction v to the eye
+    u, v : (V,), components of that direction along pdir1 and pdir2
+    """
+
+    n_dot_v: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+    @classmethod
+    def of(cls, surface: Surface, eye: np.ndarray) -> ViewFields:
+        to_eye = eye - surface.vertices
+        to_eye /= np.maximum(np.sqrt(np.einsum("ij,ij->i", to_eye, to_eye)), 1e-30)[:, None]
+        return cls(*(np.einsum("ij,ij->i", to_eye, axis) for axis in (surface.normals, surface.pdir1, surface.pdir2)))
+
+    def radial_curvature(self, surface: Surface) -> np.ndarray:
+        """Normal curvature along the projected view direction, times the square of that projection's length, (V,).
+
+        The factor keeps it finite and smooth where the view is along the normal; its zeros are those of kr.
+        """
+        return surface.k1 * self.u**2 + surface.k2 * self.v**2
+
+    def radial_derivative(self, surface: Surface) -> np.ndarray:
+        """Derivative of the radial curvature along the projected view direction, times that projection's length, (V,).
+
+        DeCarlo 2003, with the derivative tensor of Rusinkiewicz 2004: C(w, w, w) + 2 n.v tau^2 in rtsc's signs.
+        """
+        u, v = self.u, self.v
+        square = np.maximum(u * u + v * v, 1e-12)
+        p, q, r, s = surface.dcurv.T
+        cubic = (u * u * (u * p + 3.0 * v * q) + v * v * (3.0 * u * r + v * s)) / square
+        torsion = (surface.k2 - surface.k1) * u * v / square
+        return cubic - 2.0 * self.n_dot_v * torsion**2
+
+    def view_curvature(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+        """Judd 2007: largest squared singular value (V,) of the curvature seen in the image, and its direction in
+        the tangent plane, world coordinates (V, 3)."""
+        square = self.u**2 + self.v**2
+        stretch = np.where(square > 1e-12, (1.0 / np.maximum(np.abs(self.n_dot_v), 1e-6) - 1.0) / np.maximum(square, 1e-12), 0.0)
+        uu, uv, vv = stretch * self.u**2, stretch * self.u * self.v, stretch * self.v**2
+        # Q = S P^-1: P^-1 stretches by 1 / n.v along the projected view direction
+        q11, q12, q21, q22 = surface.k1 * (1.0 + uu), surface.k1 * uv, surface.k2 * uv, surface.k2 * (1.0 + vv)
+        a, b, c = q11**2 + q21**2, q11 * q12 + q21 * q22, q12**2 + q22**2  # Q'Q
+        largest = 0.5 * (a + c) + np.sqrt(b**2 + 0.25 * (a - c) ** 2)
+        angle = 0.5 * np.arctan2(2.0 * b, a - c)
+        direction = np.cos(angle)[:, None] * surface.pdir1 + np.sin(angle)[:, None] * surface.pdir2
+        return largest, direction
+
+
+# -------------------------------------------------------------------------------------------------------- segments
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Straight pieces of one kind of line, each within one face.
+
+    Parameters
+    ----------
+    kind : index into curves.KINDS
+    face : (S,) int64
+    bary : (S, 2, 3) float64, both ends
+    node : (S, 2) int64, names of the ends: pieces that share a name are joined there
+    strength : (S, 2) float64
+    """
+
+    kind: int
+    face: np.ndarray
+    bary: np.ndarray
+    node: np.ndarray
+    strength: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.face)
+
+    def take(self, index) -> Segments:
+        return Segments(self.kind, self.face[index], self.bary[index], self.node[index], self.strength[index])
+
+    def points(self, surface: Surface) -> np.ndarray:
+        """(S, 2, 3)."""
+        return np.einsum("sei,sik->sek", self.bary, surface.vertices[surface.faces[self.face]])
+
+
+def _zero_lines(surface: Surface, value: np.ndarray, kind: str, among: np.ndarray | None = None) -> Segments:
+    """Where `value` (V,), linear on each face, is zero; the higher side lies to the left, seen from outside.
+
+    Zero counts as positive, everywhere alike, so that lines never end inside the mesh. Ends are named by mesh edge.
+    """
+    faces = surface.faces if among is None else surface.faces[among]
+    high = (value >= 0.0)[faces]
+    ups = high.sum(axis=1)
+    mixed = np.flatnonzero((ups == 1) | (ups == 2))
+    face = mixed if among is None else among[mixed]
+    # the corner that is alone on its side
+    odd = np.argmax(high[mixed] == (ups[mixed] == 1)[:, None], axis=1)
+    after, before = _NEXT[odd], _BEFORE[odd]
+    row = np.arange(len(mixed))
+    corner_value = value[surface.faces[face]]
+    own, a, b = corner_value[row, odd], corner_value[row, after], corner_value[row, before]
+    bary = np.zeros((len(mixed), 2, 3))
+    for end, (other, corner) in enumerate(((a, after), (b, before))):
+        t = own / (own - other)  # signs differ, so this is never 0 / 0
+        bary[row, end, odd], bary[row, end, corner] = 1.0 - t, t
+    edges = surface.face_edges[face]
+    node = np.stack([edges[row, odd], edges[row, before]], axis=1)
+    # walking from side (odd, after) to side (odd, before) has the odd corner on the left
+    flip = ups[mixed] == 2
+    bary[flip], node[flip] = bary[flip, ::-1], node[flip, ::-1]
+    return Segments(KINDS.index(kind), face, bary, node, np.ones((len(mixed), 2)))
+
+
+def _keep_positive(segments: Segments, numerator: np.ndarray, denominator: np.ndarray, first_name: int) -> Segments:
+    """Cut segments to where numerator / denominator, (S, 2) each and linear along a segment, is not negative.
+
+    New ends get names from `first_name` on, one each.
+    """
+    n0, n1 = numerator.T
+    d0, d1 = denominator.T
+
+    def zero(a, b):  # of a linear function from a to b; 1 where it has none inside
+        crosses = (a >= 0.0) != (b >= 0.0)
+        return np.where(crosses, a / np.where(crosses, a - b, 1.0), 1.0)
+
+    good = (n0 >= 0.0) == (d0 >= 0.0)
+    cuts = np.sort(np.stack([zero(n0, n1), zero(d0, d1)], axis=1), axis=1)
+    stops = np.column_stack([np.zeros(len(segments)), cuts, np.ones(len(segments))])
+    pieces = []
+    for i in range(3):  # validity alternates at each cut
+        low, high = stops[:, i], stops[:, i + 1]
+        pieces.append((np.flatnonzero((good ^ bool(i % 2)) & (high > low)), low, high))
+    index = np.concatenate([piece[0] for piece in pieces])
+    low = np.concatenate([low[rows] for rows, low, _ in pieces])
+    high = np.concatenate([high[rows] for rows, _, high in pieces])
+    part = segments.take(index)
+    t = np.stack([low, high], axis=1)
+    bary = part.bary[:, :1] * (1.0 - t)[:, :, None] + part.bary[:, 1:] * t[:, :, None]
+    strength = part.strength[:, :1] * (1.0 - t) + part.strength[:, 1:] * t
+    inner = np.stack([low > 0.0, high < 1.0], axis=1)
+    node = part.node.copy()
+    node[inner] = first_name + np.arange(inner.sum())
+    order = np.argsort(index, kind="stable")
+    return Segments(part.kind, part.face[order], bary[order], node[order], strength[order])
+
+
+def _at_ends(surface: Surface, segments: Segments, value: np.ndarray) -> np.ndarray:
+    """Per-vertex values (V,) at both ends of each segment, (S, 2)."""
+    return np.einsum("sei,si->se", segments.bary, value[surface.faces[segments.face]])
+
+
+def contour_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
+    """Occluding contours, n.v = 0. Trimmed to positive radial curvature on closed surfaces: the other half lies
+    inside a hollow and is always hidden. On open surfaces one may look at the inside, where the sign is reversed."""
+    segments = _zero_lines(surface, view.n_dot_v, "contour")
+    if not options.trim:
+        return segments
+    radial = _at_ends(surface, segments, view.radial_curvature(surface))
+    radial[~surface.closed_faces[segments.face]] = 1.0
+    return _keep_positive(segments, radial, np.ones_like(radial), len(surface.edges))
+
+
+def suggestive_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
+    """Suggestive contours (DeCarlo 2003): the radial curvature is 0 and rises towards the eye, fast enough."""
+    limit = options.suggestive / surface.feature_size**2
+    front = (view.n_dot_v > 0.0)[surface.faces].any(axis=1) | ~surface.closed_faces
+    segments = _zero_lines(surface, view.radial_curvature(surface), "suggestive", np.flatnonzero(front))
+    derivative = _at_ends(surface, segments, view.radial_derivative(surface))
+    facing = _at_ends(surface, segments, view.n_dot_v)
+    # Neural Contours' soft filter, with q = F^2 Dw kr - T n.v; on the inside of open surfaces all signs are reversed
+    q = surface.feature_size**2 * derivative - options.suggestive * facing
+    q = np.maximum(np.where(facing < 0.0, -q, q), 0.0)
+    strength = q / np.maximum(q + 0.03 * np.abs(facing), 1e-12)
+    segments = Segments(segments.kind, segments.face, segments.bary, segments.node, strength)
+    return _keep_positive(segments, derivative - limit * facing, facing, len(surface.edges))
+
+
+def apparent_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
+    """Apparent ridges (Judd 2007): maxima of the view-dependent curvature along its own direction."""
+    curvature, direction = view.view_curvature(surface)
+    limit = options.apparent / surface.feature_size**2
+    strong = (curvature > limit)[surface.faces].any(axis=1)
+    front = (view.n_dot_v > 0.0)[surface.faces].any(axis=1) | ~surface.closed_faces
+    among = np.flatnonzero(strong & front)
+    slope = _slope(surface, curvature, direction, view.n_dot_v, among)
+    return _extremal_lines(surface, slope, direction, curvature, limit, "apparent", among)
+
+
+def _slope(surface, value, direction, n_dot_v, among) -> np.ndarray:
+    """Derivative of `value` along `direction`, as seen in the image, at the vertices of faces `among`, (V,).
+
+    In each face around a vertex that the line through it meets, the difference to the opposite side, over the distance
+    along `direction` shortened by n.v; the mean over these faces.
+    """
+    count = len(value)
+    wanted = np.zeros(count, bool)
+    wanted[surface.faces[among]] = True
+    near = np.flatnonzero(wanted[surface.faces].any(axis=1))
+    total, hits = np.zeros(count), np.zeros(count)
+    side = np.cross(surface.normals, direction)
+    for i in range(3):
+        faces = surface.faces[near[wanted[surface.faces[near, i]]]]
+        own, a, b = faces[:, i], faces[:, _NEXT[i]], faces[:, _BEFORE[i]]
+        to_a, to_b = (surface.vertices[other] - surface.vertices[own] for other in (a, b))
+        across_a, across_b = (np.einsum("ij,ij->i", edge, side[own]) for edge in (to_a, to_b))
+        gap = across_b - across_a
+        t = across_b / np.where(gap == 0.0, 1.0, gap)  # weight of a where the line meets the side a b
+        meets = (gap != 0.0) & (t >= 0.0) & (t <= 1.0)
+        own, a, b, t = own[meets], a[meets], b[meets], t[meets]
+        reach = t[:, None] * to_a[meets] + (1.0 - t)[:, None] * to_b[meets]
+        distance = np.einsum("ij,ij->i", reach, direction[own]) * np.abs(n_dot_v[own])
+        rise = t * value[a] + (1.0 - t) * value[b] - value[own]
+        slope = rise / np.where(np.abs(distance) < 1e-12, np.inf, distance)
+        total += np.bincount(own, weights=slope, minlength=count)
+        hits += np.bincount(own, minlength=count)
+    return total / np.maximum(hits, 1.0)
+
+
+def ridge_segments(surface: Surface, options: LineOptions) -> Segments:
+    """Ridges (Ohtake 2004): maxima of the largest principal curvature along its direction, where convex."""
+    return _ridge_or_valley(surface, options.ridge, "ridge", 1.0)
+
+
+def valley_segments(surface: Surface, options: LineOptions) -> Segments:
+    """Valleys: minima of the principal curvature along its direction, where concave."""
+    return _ridge_or_valley(surface, options.valley, "valley", -1.0)
+
+
+def _ridge_or_valley(surface: Surface, threshold: float, kind: str, sign: float) -> Segments:
+    among = np.flatnonzero((sign * surface.k1 > 0.0)[surface.faces].all(axis=1))
+    slope = sign * surface.dcurv[:, 0]
+    return _extremal_lines(
+        surface, slope, surface.pdir1, np.abs(surface.k1), threshold / surface.feature_size, kind, among
+    )
+
+
+def _extremal_lines(surface, slope, direction, value, limit, kind, among) -> Segments:
+    """Maxima of `value` (V,) along `direction` (V, 3), whose derivative there is `slope` (V,), in faces `among`.
+
+    The direction has no sign of its own: point it uphill. An edge carries a maximum where the two uphill arrows at its
+    ends oppose each other and at least one of them leads along the edge towards the other end. A face with two such
+    edges carries a piece of line; with three, a fork at its centre.
+    """
+    uphill = slope[:, None] * direction
+    arrow, point = uphill[surface.faces[among]], surface.vertices[surface.faces[among]]  # (A, 3, 3)
+    arrow_next, along = arrow[:, _NEXT], point[:, _NEXT] - point
+    crossed = (
+        (np.einsum("fij,fij->fi", arrow, arrow_next) <= 0.0)
+        & ((np.einsum("fij,fij->fi", arrow, along) >= 0.0) | (np.einsum("fij,fij->fi", arrow_next, along) <= 0.0))
+    )  # (A, 3): side i runs from corner i to i + 1
+    sides = crossed.sum(axis=1)
+    two, three = np.flatnonzero(sides == 2), np.flatnonzero(sides == 3)
+
+    size = np.abs(slope)[surface.faces[among]]
+    total = size + size[:, _NEXT]
+    weight = np.where(total > 0.0, size / np.where(total > 0.0, total, 1.0), 0.5)  # of corner i + 1 at the crossing
+    on_side = np.zeros((len(among), 3, 3))  # barycentric coordinates of the crossing of side i
+    for i in range(3):
+        on_side[:, i, i], on_side[:, i, _NEXT[i]] = 1.0 - weight[:, i], weight[:, i]
+
+    absent = np.argmin(crossed[two], axis=1)
+    ends = np.stack([_NEXT[absent], _BEFORE[absent]], axis=1)  # the two crossed sides
+    edges = surface.face_edges[among]
+    centre = np.full((len(three), 1, 3), 1.0 / 3.0)
+    bary = np.concatenate(
+        [on_side[two[:, None], ends]] + [np.concatenate([on_side[three, i][:, None], centre], axis=1) for i in range(3)]
+    )
+    node = np.concatenate(
+        [edges[two[:, None], ends]]
+        + [np.stack([edges[three, i], len(surface.edges) + among[three]], axis=1) for i in range(3)]
+    )
+    face = among[np.r_[two, three, three, three]]
+    segments = Segments(KINDS.index(kind), face, bary, node, np.zeros((len(face), 2)))
+    height = _at_ends(surface, segments, value)
+    strength = np.maximum(1.0 - limit / np.maximum(height, 1e-30), 0.0)
+    segments = Segments(segments.kind, face, bary, node, strength)
+    return segments.take(np.flatnonzero((strength > 0.0).any(axis=1)))
+
+
+def crease_segments(surface: Surface, options: LineOptions) -> Segments:
+    """Mesh edges at which two faces meet at more than the crease angle, or more than two faces meet."""
+    pair = surface.edge_faces
+    inner = np.flatnonzero(surface.edge_face_count == 2)
+    cosine = np.einsum("ij,ij->i", surface.face_normals[pair[inner, 0]], surface.face_normals[pair[inner, 1]])
+    sharp = inner[cosine < np.cos(np.radians(options.crease))]
+    return _edge_segments(surface, np.sort(np.r_[sharp, np.flatnonzero(surface.edge_face_count > 2)]), "crease")
+
+
+def boundary_segments(surface: Surface, options: LineOptions) -> Segments:
+    """Mesh edges with one face."""
+    return _edge_segments(surface, np.flatnonzero(surface.edge_face_count == 1), "boundary")
+
+
+def _edge_segments(surface: Surface, edge: np.ndarray, kind: str) -> Segments:
+    """Whole mesh edges as segments; their ends are named by vertex."""
+    face = surface.edge_faces[edge, 0]
+    side = np.argmax(surface.face_edges[face] == edge[:, None], axis=1)
+    row = np.arange(len(edge))
+    bary = np.zeros((len(edge), 2, 3))
+    bary[row, 0, side], bary[row, 1, _NEXT[side]] = 1.0, 1.0
+    node = np.stack([surface.faces[face, side], surface.faces[face, _NEXT[side]]], axis=1)
+    return Segments(KINDS.index(kind), face, bary, node, np.ones((len(edge), 2)))
+
+
+_VIEW_KINDS = {"contour": contour_segments, "suggestive": suggestive_segments, "apparent": apparent_segments}
+_SURFACE_KINDS = {
+    "boundary": boundary_segments,
+    "crease": crease_segments,
+    "ridge": ridge_segments,
+    "valley": valley_segments,
+}
+
+
+# -------------------------------------------------------------------------------------------------------- chaining
+
+
+def _chain(surface: Surface, segments: Segments, up: np.ndarray, hysteresis: float) -> SurfaceCurves:
+    """Join segments end to end into the longest polylines.
+
+    At a junction of three or more ends, the straightest pair goes on and the others end there. Open curves keep the
+    direction of most of their segments; closed ones start at their highest point along `up`.
+
+    Every segment is two one-way walks, 2 s from its first end to its second and 2 s + 1 back; walk w starts at end w
+    and stops at end w ^ 1. The next walk is the one that starts at the end joined to that.
+    """
+    count = len(segments)
+    if not count:
+        return SurfaceCurves.empty()
+    points = segments.points(surface)
+    mate = _join(segments.node.ravel(), points)
+    walks = np.arange(2 * count)
+
+    def following(mate):
+        return mate[walks ^ 1]
+
+    # break closed chains at their highest point, in the direction in which most of their segments run
+    ring = _last(following(mate)) < 0
+    closed_start = np.zeros(0, np.int64)
+    if ring.any():
+        height = points.reshape(-1, 3) @ up
+        rank = np.empty(2 * count, np.int64)
+        rank[np.lexsort((walks, -height))] = walks  # 0 = highest
+        order = np.argsort(rank)
+        top = order[_least(following(mate), rank)]  # for each walk of a ring, its highest start
+        starts = np.unique(top[ring])
+        forward = np.bincount(top[ring], weights=1.0 - 2.0 * (walks[ring] % 2), minlength=2 * count)[starts]
+        # the two walks round a ring mirror each other: keep the one that runs forward, or at a tie starts lower
+        opposite = top[starts ^ 1]
+        keep = (forward > 0) | ((forward == 0) & (starts < opposite))
+        closed_start = starts[keep]
+        other = mate[closed_start]
+        mate[closed_start], mate[other] = -1, -1
+
+    last, steps = _rank(following(mate))
+    # walks of one chain share their last walk; of a chain and its mirror image keep one
+    forward = np.bincount(last, weights=1.0 - 2.0 * (walks % 2), minlength=2 * count)
+    first_of = np.full(2 * count, -1)
+    begins = mate < 0  # nothing joined to the end that walk w starts from
+    first_of[last[begins]] = walks[begins]
+    tails = np.flatnonzero(first_of >= 0)
+    heads = first_of[tails]
+    mirror = heads ^ 1  # the mirrored chain ends with the head's segment walked back
+    chosen = (forward[tails] > forward[mirror]) | ((forward[tails] == forward[mirror]) & (tails < mirror))
+    is_closed = np.zeros(2 * count, bool)
+    is_closed[closed_start] = True
+    chosen = np.where(is_closed[heads], True, np.where(is_closed[first_of[mirror]], False, chosen))
+    tails, heads = tails[chosen], heads[chosen]
+
+    label = np.full(2 * count, -1)
+    label[tails] = np.argsort(np.argsort(heads))
+    of_walk = label[last]
+    used = np.flatnonzero(of_walk >= 0)
+    used = used[np.lexsort((-steps[used], of_walk[used]))]
+    curve = of_walk[used]
+    lengths = np.bincount(curve, minlength=len(tails))
+    closed = np.zeros(len(tails), bool)
+    closed[label[tails]] = is_closed[heads]
+
+    # rows: the start of every walk, then the end of the curve's last walk
+    offsets = np.r_[0, np.cumsum(lengths + 1)]
+    start_row = np.arange(len(used)) + curve
+    final = used[np.cumsum(lengths) - 1]
+    face = np.empty(offsets[-1], np.int64)
+    bary, strength = np.empty((offsets[-1], 3)), np.empty(offsets[-1])
+    flat_bary, flat_strength = segments.bary.reshape(-1, 3), segments.strength.ravel()
+    for rows, end in ((start_row, used), (offsets[1:] - 1, final ^ 1)):
+        face[rows], bary[rows], strength[rows] = segments.face[end // 2], flat_bary[end], flat_strength[end]
+    face[offsets[1:][closed] - 1] = face[offsets[:-1][closed]]
+    bary[offsets[1:][closed] - 1] = bary[offsets[:-1][closed]]
+    curves = SurfaceCurves(face, bary, offsets, np.full(len(tails), segments.kind), closed, strength)
+    curves = _drop_repeats(surface, curves)
+    if hysteresis > 0.0 and len(curves):
+        curves = curves.take(np.maximum.reduceat(curves.strength, curves.offsets[:-1]) >= hysteresis)
+    return curves
+
+
+def _join(node: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """For each end (2S,), the end of another segment that goes on from it, or -1."""
+    order = np.argsort(node, kind="stable")
+    name = node[order]
+    first = np.flatnonzero(np.r_[True, name[1:] != name[:-1]])
+    degree = np.diff(np.r_[first, len(name)])
+    mate = np.full(len(node), -1)
+    pair = first[degree == 2]
+    a, b = order[pair], order[pair + 1]
+    mate[a], mate[b] = b, a
+    direction = points[:, 1] - points[:, 0]
+    direction = direction / np.maximum(np.linalg.norm(direction, axis=1), 1e-30)[:, None]
+    outward = np.stack([direction, -direction], axis=1).reshape(-1, 3)  # away from each end into its segment
+    for start, size in zip(first[degree > 2], degree[degree > 2], strict=True):  # few: forks and corners
+        ends = order[start : start + size]
+        cosine = outward[ends] @ outward[ends].T
+        np.fill_diagonal(cosine, 1.0)
+        while True:
+            i, j = np.unravel_index(cosine.argmin(), cosine.shape)
+            if cosine[i, j] > -0.5:  # a bend of more than 60 degrees is a corner
+                break
+            mate[ends[i]], mate[ends[j]] = ends[j], ends[i]
+            cosine[[i, j]] = cosine[:, [i, j]] = 1.0
+    return mate
+
+
+def _last(following: np.ndarray) -> np.ndarray:
+    """The last walk of each walk's chain, -1 on rings: pointer doubling."""
+    return _rank(following)[0]
+
+
+def _rank(following: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For each walk the last walk of its chain (-1 on rings) and the number of steps to it."""
+    walks = np.arange(len(following))
+    jump = np.where(following < 0, walks, following)
+    steps = (following >= 0).astype(np.int64)
+    for _ in range(int(len(following)).bit_length()):
+        steps = steps + steps[jump]
+        jump = jump[jump]
+    return np.where(following[jump] < 0, jump, -1), steps
+
+
+def _least(following: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """The least value on each walk's ring."""
+    walks = np.arange(len(following))
+    jump = np.where(following < 0, walks, following)
+    for _ in range(int(len(following)).bit_length()):
+        value = np.minimum(value, value[jump])
+        jump = jump[jump]
+    return value
+
+
+def _drop_repeats(surface: Surface, curves: SurfaceCurves) -> SurfaceCurves:
+    """Leave out points that coincide with the one before, and curves of which nothing remains.
+
+    Lines through a vertex cross several edges in one point.
+    """
+    points = curves.points(surface)
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    keep = np.r_[step > 1e-9, True]  # drop the earlier of two equal points: its segment has no length
+    last = curves.offsets[1:] - 1
+    keep[last] = True
+    curve = np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
+    left = np.bincount(curve[keep], minlength=len(curves))
+    good = left >= 2
+    keep &= good[curve]
+    return SurfaceCurves(
+        curves.face[keep],
+        curves.bary[keep],
+        np.r_[0, np.cumsum(left[good])],
+        curves.kind[good],
+        curves.closed[good],
+        curves.strength[keep],
+    )
