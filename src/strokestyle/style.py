@@ -1,0 +1,464 @@
+"""Style: what was learned from one drawing, and how it draws a view.
+
+Lengths inside a style are pixels of the canvas it was learned on; `draw` scales them to the canvas it is given.
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+import zipfile
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy import ndimage
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from . import __version__
+from .curves import KINDS, Curves, arc_length, owner, simplify, tangents
+from .files import write_bytes
+from .model import StrokeNet
+from .planning import Planned, plan_strokes
+from .strokes import Drawing, Strokes
+from .view import View
+
+FORMAT = 1
+
+# How much a kind matters to the shape: one number, so that a kind that the exemplar lacks lies between its neighbours.
+PROMINENCE = dict.fromkeys(KINDS, 0.0) | {"contour": 1.0, "boundary": 1.0, "crease": 0.5, "intersection": 0.5}
+ENDS = (10.0, 40.0, 120.0)  # px, scales on which a stroke's ends are felt
+BENDS = ((6.0, 20.0), (14.0, 45.0))  # px, scale of measuring a bend and the radius at which it counts half
+FEATURES = (
+    *(f"start_{n:.0f}" for n in ENDS), *(f"end_{n:.0f}" for n in ENDS), "before", "after", "along", "log_length",
+    *(f"bend_{n:.0f}" for n, _ in BENDS), *(f"turn_{n:.0f}" for n, _ in BENDS),
+    "depth", "n_dot_v", "view_curvature", "normal_x", "normal_y", "height", "tangent_x", "tangent_y", "prominence",
+)  # fmt: skip
+SMOOTHINGS = (3.0, 6.0, 12.0, 24.0)  # px, Gaussian scales by which the hand may round a curve off
+CUTS = (3.0, 6.0, 12.0)  # px, tolerances with which it may cut a curve straight
+MOVES = (*(f"smooth_{n:.0f}" for n in SMOOTHINGS), *(f"cut_{n:.0f}" for n in CUTS), "inflate")
+
+
+@dataclass(frozen=True)
+class StyleConfig:
+    """What a style needs to know beside its weights. Lengths in px of a canvas whose longer side is `size`.
+
+    Defaults: spacing as in the authors' code; the others measured on drawings by hand-like simulation (DESIGN.md).
+    """
+
+    size: int = 768
+    spacing: float = 3.0
+    join: float = 10.0
+    corner: float = 65.0
+    extend: float = 24.0
+    width: int = 48
+    dilations: tuple[int, ...] = (1, 2, 4)
+
+
+@dataclass(frozen=True)
+class Hand:
+    """How a hand strays from what it means to draw: residuals of the training strokes, to be drawn from.
+
+    Parameters
+    ----------
+    stray : (R, 3) float32, residual along the normal and the tangent (px) and of the thickness, relative to it
+    offsets : (S+1,) int64, one sequence per training stroke, points `spacing` apart
+    """
+
+    stray: np.ndarray
+    offsets: np.ndarray
+
+
+@dataclass(frozen=True)
+class Style:
+    """A learned style.
+
+    Parameters
+    ----------
+    config : StyleConfig
+    network : StrokeNet with 3 outputs: offset along the normal and along the tangent (px), raw thickness
+    moves : (M,) Tensor, how much of each of MOVES the hand makes
+    base : float, px, the thickness it starts from
+    centre, spread, low, high : (P,) float64, of FEATURES over the training strokes
+    hand : Hand or None
+    bank : what `texture.learn_texture` learned, or None
+    color : (4,) float64, the flat ink where there is no texture
+    about : provenance: strokestyle version, preset, seed, exemplar
+    """
+
+    config: StyleConfig
+    network: nn.Module
+    moves: Tensor
+    base: float
+    centre: np.ndarray
+    spread: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    hand: Hand | None = None
+    bank: object | None = None
+    color: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    about: dict = field(default_factory=dict)
+
+    def normalise(self, features: np.ndarray) -> np.ndarray:
+        """Features (N, P) -> within the range seen in training, centred and scaled."""
+        return (np.clip(features, self.low, self.high) - self.centre) / self.spread
+
+    @property
+    def device(self) -> torch.device:
+        return self.moves.device
+
+    def draw(self, view: View, seed: int = 0) -> Drawing:
+        """Draw a view. The same seed gives the same drawing; another one, another hand's luck."""
+        size = (view.camera.width, view.camera.height)
+        strokes, features, scale = self.strokes(view, seed)
+        rng_seed = int(np.random.SeedSequence([seed, 1]).generate_state(1)[0])
+        color, texture = np.tile(self.color, (len(strokes), 1)), None
+        if self.bank is not None and len(strokes):
+            from .texture import synthesise
+
+            texture, color = synthesise(self.bank, strokes, features, rng_seed)
+        if scale != 1.0:
+            strokes = replace(strokes, xy=strokes.xy * scale, thickness=strokes.thickness * scale)
+            if texture is not None:
+                texture = replace(texture, margin=texture.margin * scale)
+        return Drawing(strokes, size, color, texture)
+
+    def strokes(self, view: View, seed: int = 0) -> tuple[Strokes, np.ndarray, float]:
+        """Strokes in px of the style's own canvas, their normalised features (N, P), and the view's px per such px."""
+        scale = max(view.camera.width, view.camera.height) / self.config.size
+        planned = plan(view, self.config, scale)
+        features = self.normalise(point_features(view, planned, self.config))
+        if not len(planned):
+            return Strokes(np.zeros((0, 2)), [], [0], [], []), features, scale
+        frame = Frame.of(planned, view)
+        with torch.no_grad():
+            device = self.device
+            xy, thickness = lay(
+                self.network,
+                self.moves,
+                self.base,
+                frame.to(device),
+                torch.tensor(features, dtype=torch.float32, device=device),
+            )
+        xy, thickness = xy.double().cpu().numpy(), thickness.double().cpu().numpy()
+        if self.hand is not None:
+            rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
+            stray = wander(self.hand, planned.offsets, rng)
+            xy, thickness = stray_from(xy, thickness, planned.offsets, stray)
+        rows, offsets, kept = lifted(thickness, planned.offsets)
+        strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool))
+        return strokes, features[rows], scale
+
+
+# ------------------------------------------------------------------------------------------- from a view to numbers
+
+
+def plan(view: View, config: StyleConfig, scale: float = 1.0) -> Planned:
+    """The strokes to be drawn, in px of the style's canvas."""
+    curves = view.curves
+    if scale != 1.0:
+        curves = Curves(curves.xy / scale, curves.offsets, curves.kind, curves.closed)
+    return plan_strokes(curves, config.spacing, config.join, config.corner, config.extend)
+
+
+def point_features(view: View, planned: Planned, config: StyleConfig) -> np.ndarray:
+    """FEATURES at every point of planned strokes, (N, P) float64. Curve features as in the paper (arc length, tangent)
+    and those of the stroke's making; surface features as in the paper, read where the curve lies."""
+    if not len(planned):
+        return np.zeros((0, len(FEATURES)))
+    names = ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")
+    maps = planned.carry(np.asarray(view.at_curves(names), np.float64))
+    which, within = owner(planned.offsets), planned.beyond == 0
+    along = arc_length(planned.xy, planned.offsets)
+    begin = np.full(len(planned), np.inf)
+    end = np.full(len(planned), -np.inf)
+    np.minimum.at(begin, which[within], along[within])
+    np.maximum.at(end, which[within], along[within])
+    from_start, to_end, length = along - begin[which], end[which] - along, np.maximum(end - begin, 1e-6)[which]
+    before, after = np.maximum(-from_start, 0), np.maximum(-to_end, 0)
+    columns = [np.exp(-np.maximum(from_start, 0) / n) for n in ENDS]
+    columns += [np.exp(-np.maximum(to_end, 0) / n) for n in ENDS]
+    columns += [before / 24.0, after / 24.0, np.clip(from_start / length, 0, 1), np.log(length / 100.0)]
+    turns = [curvature(planned, sigma, config.spacing) * radius for sigma, radius in BENDS]
+    columns += [turn**2 / (1 + turn**2) for turn in turns]
+    columns += [turn / np.sqrt(1 + turn**2) for turn in turns]
+    depth = maps[:, 0]
+    near, far = np.percentile(depth[within], [3, 97])
+    columns += [np.clip((depth - near) / max(far - near, 1e-6), 0, 1), maps[:, 1], maps[:, 2]]
+    columns += list(along_strokes(maps[:, 3:], planned.offsets, 4.0, config.spacing).T)
+    y = planned.xy[:, 1]
+    top, bottom = y[within].min(), y[within].max()
+    columns += [np.clip((y - top) / max(bottom - top, 1e-6), 0, 1)]
+    smooth = along_strokes(planned.xy, planned.offsets, 4.0, config.spacing, pin=True)
+    columns += list(tangents(smooth, planned.offsets).T)
+    columns += [np.array([PROMINENCE[kind] for kind in KINDS])[planned.kind][which]]
+    return np.stack(columns, axis=1)
+
+
+def along_strokes(
+    values: np.ndarray, offsets: np.ndarray, sigma: float, spacing: float, pin: bool = False
+) -> np.ndarray:
+    """Gaussian of `sigma` px along every stroke. `pin` reflects through the end points, so that these stay."""
+    out = np.empty_like(values)
+    reach = int(4 * sigma / spacing) + 1
+    for a, b in zip(offsets[:-1], offsets[1:], strict=True):
+        part = values[a:b]
+        if pin and b - a > 1:
+            n = min(reach, b - a - 1)
+            part = np.concatenate([2 * part[:1] - part[n:0:-1], part, 2 * part[-1:] - part[-2 : -2 - n : -1]])
+            out[a:b] = ndimage.gaussian_filter1d(part, sigma / spacing, axis=0, mode="nearest")[n : n + b - a]
+        else:
+            out[a:b] = ndimage.gaussian_filter1d(part, sigma / spacing, axis=0, mode="nearest")
+    return out
+
+
+def curvature(planned: Planned, sigma: float, spacing: float) -> np.ndarray:
+    """Signed curvature (N,), 1/px, of the strokes smoothed by `sigma` px; positive where turning to (-t_y, t_x)."""
+    heading = tangents(along_strokes(planned.xy, planned.offsets, sigma, spacing, pin=True), planned.offsets)
+    first, last = planned.offsets[:-1], planned.offsets[1:] - 1
+    before, after = np.arange(len(heading)) - 1, np.arange(len(heading)) + 1
+    before[first], after[last] = first, last
+    a, b = heading[before], heading[after]
+    turn = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
+    return turn / (spacing * np.maximum(after - before, 1))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Planned strokes as tensors: where they lie, which way is along and across, and the moves open to the hand.
+
+    xy (N, 2), along (N, 2), across (N, 2), moves (N, M, 2) px, offsets (C+1,), within (N,) bool
+    """
+
+    xy: Tensor
+    along: Tensor
+    across: Tensor
+    moves: Tensor
+    offsets: Tensor
+    within: Tensor
+
+    @classmethod
+    def of(cls, planned: Planned, view: View, spacing: float = 3.0) -> Frame:
+        smooth = along_strokes(planned.xy, planned.offsets, 4.0, spacing, pin=True)
+        t = tangents(smooth, planned.offsets)
+        normals = planned.carry(np.asarray(view.at_curves(("normal_x", "normal_y")), np.float64))
+        parts = [(t, np.float32), (np.stack([-t[:, 1], t[:, 0]], axis=1), np.float32)]
+        moves = moves_of(planned, normals, spacing)
+        return cls(
+            torch.tensor(planned.xy, dtype=torch.float32),
+            *(torch.tensor(value.astype(kind)) for value, kind in parts),
+            torch.tensor(moves, dtype=torch.float32),
+            torch.tensor(planned.offsets),
+            torch.tensor(planned.beyond == 0),
+        )
+
+    def to(self, device) -> Frame:
+        return Frame(*(getattr(self, f.name).to(device) for f in fields(self)))
+
+
+def moves_of(planned: Planned, normals: np.ndarray, spacing: float) -> np.ndarray:
+    """The displacement (N, M, 2), px, of each of MOVES at full strength. Points past an end go with it."""
+    out = np.zeros((len(planned.xy), len(MOVES), 2))
+    within = planned.beyond == 0
+    for a, b in zip(planned.offsets[:-1], planned.offsets[1:], strict=True):
+        inner = np.flatnonzero(within[a:b]) + a
+        a_in, b_in = inner[0], inner[-1] + 1
+        p, ends = planned.xy[a_in:b_in], np.array([0, b_in - a_in])
+        for k, sigma in enumerate(SMOOTHINGS):
+            out[a_in:b_in, k] = along_strokes(p, ends, sigma, spacing, pin=True) - p
+        q = along_strokes(p, ends, 4.0, spacing, pin=True)
+        s = np.arange(len(p), dtype=np.float64)
+        for k, tolerance in enumerate(CUTS, len(SMOOTHINGS)):
+            keep = simplify(q, tolerance)
+            out[a_in:b_in, k] = np.stack([np.interp(s, keep, q[keep, i]) for i in (0, 1)], axis=1) - p
+        out[a_in:b_in, -1] = along_strokes(normals[a_in:b_in], ends, 12.0, spacing)
+        out[a:a_in], out[b_in:b] = out[a_in], out[b_in - 1]
+    return out
+
+
+def lay(network: nn.Module, moves: Tensor, base: float, frame: Frame, features: Tensor) -> tuple[Tensor, Tensor]:
+    """Where strokes go, (N, 2), and how thick they are, (N,), px. Differentiable."""
+    out = network(features, frame.offsets)
+    xy = frame.xy + (frame.moves * moves[:, None]).sum(1) + out[:, :1] * frame.across + out[:, 1:2] * frame.along
+    return xy, thickness_of(out[:, 2], base)
+
+
+def thickness_of(raw: Tensor, base: float) -> Tensor:
+    """Raw output -> px: `base` at 0, never negative, never without a gradient."""
+    return F.softplus(raw * 2 + _inverse_softplus(2 * base)) / 2
+
+
+def _inverse_softplus(x: float) -> float:
+    return float(x + np.log(-np.expm1(-x)))
+
+
+# --------------------------------------------------------------------------------------------------------- the hand
+
+
+def wander(hand: Hand, offsets: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A sequence of residuals (N, 3) for every stroke, cut from the training strokes' and faded into one another."""
+    lengths = np.diff(hand.offsets)
+    out = np.zeros((offsets[-1], 3))
+    if not len(lengths):
+        return out
+    fade = 8
+    for a, b in zip(offsets[:-1], offsets[1:], strict=True):
+        n, at = b - a, 0
+        while at < n:
+            want = n - at
+            weight = np.minimum(lengths, want).astype(float)
+            i = rng.choice(len(lengths), p=weight / weight.sum())
+            take = int(min(lengths[i], want))
+            first = int(hand.offsets[i] + rng.integers(lengths[i] - take + 1))
+            piece = hand.stray[first : first + take]
+            if rng.random() < 0.5:
+                piece = piece * [-1, 1, 1]
+            over = min(fade, at, take) if at else 0
+            ramp = (np.arange(over) + 0.5)[:, None] / max(over, 1)
+            start = a + at - over
+            # faded by square roots, so that the spread stays
+            out[start : start + over] = np.sqrt(1 - ramp) * out[start : start + over] + np.sqrt(ramp) * piece[:over]
+            out[start + over : start + take] = piece[over:]
+            at += take - over
+            if take <= over:
+                break
+    return out
+
+
+def stray_from(
+    xy: np.ndarray, thickness: np.ndarray, offsets: np.ndarray, stray: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    t = tangents(xy, offsets)
+    xy = xy + stray[:, :1] * np.stack([-t[:, 1], t[:, 0]], axis=1) + stray[:, 1:2] * t
+    return xy, np.maximum(thickness + stray[:, 2] * (thickness + 0.5), 0.0)
+
+
+def lifted(
+    thickness: np.ndarray, offsets: np.ndarray, least: float = 0.35
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Leave out the ends that are too thin to see: rows kept, their offsets, and the strokes kept."""
+    rows, counts, kept = [], [0], []
+    for i, (a, b) in enumerate(zip(offsets[:-1], offsets[1:], strict=True)):
+        seen = np.flatnonzero(thickness[a:b] >= least)
+        if len(seen) < 2:
+            continue
+        first, last = max(seen[0] - 1, 0), min(seen[-1] + 1, b - a - 1)
+        rows.append(np.arange(a + first, a + last + 1))
+        counts.append(len(rows[-1]))
+        kept.append(i)
+    rows = np.concatenate(rows) if rows else np.zeros(0, np.int64)
+    return rows, np.cumsum(counts), np.array(kept, np.int64)
+
+
+# ------------------------------------------------------------------------------------------------------------ files
+
+
+def save_style(path: str | Path, style: Style) -> None:
+    """Write a model file: only tensors and plain containers, read back without running code. Whole or not at all."""
+    payload = {
+        "format": FORMAT,
+        "strokestyle": __version__,
+        "about": dict(style.about),
+        "config": {
+            key: list(value) if isinstance(value, tuple) else value for key, value in asdict(style.config).items()
+        },
+        "network": {name: value.detach().cpu().contiguous() for name, value in style.network.state_dict().items()},
+        "moves": style.moves.detach().cpu(),
+        "base": float(style.base),
+        "features": {
+            "names": list(FEATURES),
+            **{name: torch.tensor(getattr(style, name)) for name in ("centre", "spread", "low", "high", "color")},
+        },
+        "hand": None if style.hand is None else _pack(style.hand),
+        "texture": None if style.bank is None else _pack(style.bank),
+    }
+    buffer = io.BytesIO()  # torch.save to a file would write the file's name into it
+    torch.save(payload, buffer)
+    write_bytes(path, buffer.getvalue())
+
+
+def load_style(path: str | Path, device: str = "cpu") -> Style:
+    """Read a model file.
+
+    Raises ValueError, naming the file, where it is no model, is cut short, damaged, or of a newer version; OSError
+    where it cannot be read.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise ValueError(f"{path}: a folder; expected a model written by `strokestyle fit`")
+    with open(path, "rb") as file:
+        head = file.read(4)
+    if not head.startswith(b"PK"):
+        raise ValueError(f"{path}: not a strokestyle model; expected a file written by `strokestyle fit`")
+    if not zipfile.is_zipfile(path):
+        raise ValueError(f"{path}: the model file is cut short; write it again with `strokestyle fit`")
+    try:
+        payload = torch.load(path, map_location="cpu", weights_only=True)
+    except (RuntimeError, pickle.UnpicklingError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
+        raise ValueError(
+            f"{path}: not a strokestyle model, or a damaged one; write it with `strokestyle fit`"
+        ) from None
+    if not isinstance(payload, dict) or "format" not in payload or "strokestyle" not in payload:
+        raise ValueError(f"{path}: not a strokestyle model; expected a file written by `strokestyle fit`")
+    if payload["format"] > FORMAT:
+        raise ValueError(
+            f"{path}: written by strokestyle {payload['strokestyle']} (format {payload['format']}); this is "
+            f"{__version__} (format {FORMAT}): update strokestyle"
+        )
+    try:
+        return _unpack_style(payload, pick_device(device))
+    except (KeyError, TypeError, RuntimeError, AttributeError) as error:
+        raise ValueError(f"{path}: a damaged strokestyle model ({error}); write it again") from None
+
+
+def _unpack_style(payload: dict, device: torch.device) -> Style:
+    known = {f.name for f in fields(StyleConfig)}
+    config = {key: value for key, value in payload["config"].items() if key in known}
+    config = StyleConfig(**{key: tuple(value) if isinstance(value, list) else value for key, value in config.items()})
+    statistics = payload["features"]
+    if tuple(statistics["names"]) != FEATURES:
+        raise KeyError("its features are not those of this version")
+    with torch.random.fork_rng(devices=[]):
+        network = StrokeNet(len(FEATURES), 3, config.width, config.dilations)
+    network.load_state_dict(payload["network"])
+    bank = None
+    if payload["texture"] is not None:
+        from .texture import TextureBank
+
+        bank = _unpack(TextureBank, payload["texture"])
+    return Style(
+        config=config,
+        network=network.to(device).eval(),
+        moves=payload["moves"].to(device),
+        base=payload["base"],
+        hand=None if payload["hand"] is None else _unpack(Hand, payload["hand"]),
+        bank=bank,
+        about=payload["about"],
+        **{name: statistics[name].numpy() for name in ("centre", "spread", "low", "high", "color")},
+    )
+
+
+def _pack(data) -> dict:
+    """A dataclass of arrays and plain values -> a dict of tensors and plain values."""
+    out = {}
+    for f in fields(data):
+        value = getattr(data, f.name)
+        out[f.name] = torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
+    return out
+
+
+def _unpack(kind, packed: dict):
+    return kind(**{name: value.numpy() if isinstance(value, Tensor) else value for name, value in packed.items()})
+
+
+def pick_device(name: str) -> torch.device:
+    """ "auto" | "cpu" | "cuda" -> the device. Raises ValueError where it is not there."""
+    if name == "auto":
+        name = "cuda" if torch.cuda.is_available() else "cpu"
+    if name not in ("cpu", "cuda"):
+        raise ValueError(f"device must be auto, cpu or cuda, got {name!r}")
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ValueError("device cuda: torch finds no CUDA device here; use --device cpu")
+    return torch.device(name)
