@@ -1,0 +1,143 @@
+"""What a ray hits, and whether a point of the surface is seen. Hides embree: its float32, and its self-hits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from embreex import rtcore_scene
+from embreex.mesh_construction import TriangleMesh
+
+MAX_ROUNDS = 12  # re-traces past ignored hits; what is still open then counts as hidden
+NEAR = 1.5  # mean edges of the curve's own face: how far its own neighbourhood may stand in front of a smooth line
+GRAZING = 0.25  # |cos| between the view and a face nearer than one mean edge, below which the face is the line's own fold
+SMOOTH_LIFT, SHARP_LIFT = 0.1, 0.01  # mean edges along the normal, for smooth lines and for creases and boundaries
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What N rays hit first.
+
+    Parameters
+    ----------
+    face : (N,) int64, -1 where a ray hits nothing
+    bary : (N, 3) float64, barycentric coordinates in that face, 0 where it hits nothing
+    distance : (N,) float64 from the origin, infinite where it hits nothing
+    """
+
+    face: np.ndarray
+    bary: np.ndarray
+    distance: np.ndarray
+
+
+class Scene:
+    """One bounding volume hierarchy over a surface, and the two questions it answers.
+
+    Parameters
+    ----------
+    surface : Surface, or anything with vertices (V, 3), faces (F, 3) and unit normals (V, 3)
+    """
+
+    def __init__(self, surface):
+        self.vertices = np.asarray(surface.vertices, np.float64)
+        self.faces = np.asarray(surface.faces, np.int64)
+        self.normals = np.asarray(surface.normals, np.float64)
+        corner = self.vertices[self.faces]  # (F, 3, 3)
+        edge = np.roll(corner, -1, axis=1) - corner
+        self.edge = np.linalg.norm(edge, axis=2).mean(axis=1)  # (F,)
+        cross = np.cross(edge[:, 0], edge[:, 1])
+        self.face_normals = cross / np.maximum(np.linalg.norm(cross, axis=1), 1e-300)[:, None]
+        # embree works in float32: bring every mesh to the same place and size
+        low, high = (self.vertices.min(axis=0), self.vertices.max(axis=0)) if len(self.vertices) else (0.0, 1.0)
+        self._centre, self._scale = 0.5 * (low + high), 1.0 / max(float(np.max(high - low)), 1e-300)
+        self._embree = rtcore_scene.EmbreeScene()
+        if len(self.faces):
+            TriangleMesh(self._embree, self._local(self.vertices), self.faces.astype(np.int32))
+
+    def _local(self, points: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray((points - self._centre) * self._scale, dtype=np.float32)
+
+    def _run(self, origins: np.ndarray, directions: np.ndarray) -> dict:
+        """First hits of rays (N, 3) in embree's own units; `directions` are unit vectors."""
+        if not len(origins) or not len(self.faces):
+            nothing = np.zeros(len(origins), np.float32)
+            return {"primID": np.full(len(origins), -1), "tfar": nothing, "u": nothing, "v": nothing}
+        return self._embree.run(origins, np.ascontiguousarray(directions, dtype=np.float32), output=1)
+
+    def first_hit(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
+        """What rays hit first. Origins (3,) or (N, 3), directions (N, 3) of any length."""
+        directions = np.asarray(directions, np.float64)
+        directions = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
+        origins = np.broadcast_to(self._local(np.asarray(origins, np.float64)), directions.shape)
+        found = self._run(np.ascontiguousarray(origins), directions)
+        face = found["primID"].astype(np.int64)
+        miss = face < 0
+        u, v = found["u"].astype(np.float64), found["v"].astype(np.float64)
+        bary = np.stack([1.0 - u - v, u, v], axis=1)
+        bary[miss] = 0.0
+        return Hits(face, bary, np.where(miss, np.inf, found["tfar"] / self._scale))
+
+    def seen(self, eye: np.ndarray, face: np.ndarray, position: np.ndarray, sharp: np.ndarray) -> np.ndarray:
+        """Is a point of a line on the surface seen from the eye?
+
+        A contour lies where the mesh folds away from the eye, so that about half of it is hidden, by a hair, by its own
+        neighbourhood. Hence the rules for a smooth line (not `sharp`): a face that touches the line's own face and stands
+        at most NEAR mean edges before the point does not hide it; neither does a grazing face nearer than one mean edge.
+        A crease or a boundary (`sharp`) is a true edge of the mesh, hidden by whatever stands before it. Rays start at
+        the eye: occluders come first, the doubtful neighbourhood last.
+
+        Parameters
+        ----------
+        eye : (3,)
+        face : (N,) int, the face that each point lies on
+        position : (N, 3)
+        sharp : (N,) bool, the point lies on an edge of the mesh that is a line by itself
+
+        Returns
+        -------
+        (N,) bool
+        """
+        face, sharp = np.asarray(face, np.int64), np.asarray(sharp, bool)
+        position = np.asarray(position, np.float64)
+        eye = np.asarray(eye, np.float64)
+        edge = self.edge[face]
+        # the mean normal of the corners is enough for a lift
+        normal = self.normals[self.faces[face]].sum(axis=1)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+        # away from the surface on the side of the eye: on an open surface both sides can be seen
+        normal *= np.where(np.einsum("ij,ij->i", normal, eye - position) < -0.3 * self._reach(eye, position), -1.0, 1.0)[
+            :, None
+        ]
+        target = position + normal * (np.where(sharp, SHARP_LIFT, SMOOTH_LIFT) * edge)[:, None]
+        ray = target - eye
+        length = np.linalg.norm(ray, axis=1)
+        ray /= np.maximum(length, 1e-300)[:, None]
+        start = self._local(eye)
+        reach = length * self._scale
+        edge = edge * self._scale
+        slack = 3e-6 * (reach + np.abs(start).max() + 1.0)  # float32 at this distance
+        passed = np.zeros(len(ray))  # how far along each ray everything has been looked at
+        result = np.zeros(len(ray), bool)
+        open_ = np.arange(len(ray))
+        for _ in range(MAX_ROUNDS):
+            if not len(open_):
+                break
+            origin = start + (ray[open_] * passed[open_, None]).astype(np.float32)
+            found = self._run(np.ascontiguousarray(origin, dtype=np.float32), ray[open_])
+            hit = found["primID"].astype(np.int64)
+            distance = passed[open_] + found["tfar"]
+            gap = reach[open_] - distance
+            free = (hit < 0) | (gap <= slack[open_])
+            result[open_[free]] = True
+            hit, gap, distance, open_ = hit[~free], gap[~free], distance[~free], open_[~free]
+            own = (self.faces[hit][:, :, None] == self.faces[face[open_]][:, None, :]).any(axis=(1, 2))
+            cosine = np.abs(np.einsum("ij,ij->i", self.face_normals[hit], ray[open_]))
+            near = edge[open_]
+            ignore = ~sharp[open_] & ((own & (gap < NEAR * near)) | ((cosine < GRAZING) & (gap < near)))
+            passed[open_] = distance + slack[open_]
+            open_ = open_[ignore]
+        return result
+
+    @staticmethod
+    def _reach(eye: np.ndarray, position: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(eye - position, axis=1)
