@@ -435,6 +435,18 @@ def strip_points(band: Ribbon, rows: int, columns: int) -> np.ndarray:
     return centre[:, None] + across[..., None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[:, None]
 
 
+def strip_stretch(band: Ribbon, rows: int, columns: int) -> np.ndarray:
+    """How far the texels of a strip lie apart along the ribbon, relative to the centre line's, (rows, columns).
+
+    1 where the ribbon is straight, above 1 outside a bend, below 0 where the inside of a bend is folded.
+    """
+    at = strip_points(band, rows, columns)
+    ahead = np.diff(at, axis=0, append=2 * at[-1:] - at[-2:-1])
+    middle = ahead[:, [(columns - 1) // 2, columns // 2]].mean(axis=1)
+    size = np.maximum(np.square(middle).sum(axis=1), 1e-12)
+    return np.einsum("rck,rk->rc", ahead, middle) / size[:, None]
+
+
 @dataclass(frozen=True)
 class Crop:
     """The pixels of a canvas round a stroke: columns x0 .. x0 + w, rows y0 .. y0 + h."""
@@ -489,21 +501,34 @@ def _short_steps(xy, *fields):
 
 def coverage(strokes: Strokes, i: int, size: tuple[int, int], scale: float = 1.0) -> tuple[Crop, np.ndarray]:
     """How much of each pixel stroke i covers, in [0, 1]: (crop, (h, w) float64)."""
+    crop, pixel, distance, width = _pixel_distances(strokes, i, size, scale, 1.0)
+    # the pixel's part within a band: what the near edge lets in less what the far edge shuts out
+    part = np.clip(0.5 - distance, 0.0, 1.0) - np.clip(0.5 - distance - width, 0.0, 1.0)
+    cover = np.zeros(crop.w * crop.h)
+    np.maximum.at(cover, pixel, part)
+    return crop, cover.reshape(crop.h, crop.w)
+
+
+def distance_map(strokes: Strokes, i: int, size: tuple[int, int], reach: float) -> tuple[Crop, np.ndarray]:
+    """Signed distance of each pixel's centre to stroke i, px, negative inside: (crop, (h, w)); inf beyond `reach`."""
+    crop, pixel, distance, _ = _pixel_distances(strokes, i, size, 1.0, reach)
+    nearest = np.full(crop.w * crop.h, np.inf)
+    np.minimum.at(nearest, pixel, distance)
+    return crop, np.where(nearest <= reach, nearest, np.inf).reshape(crop.h, crop.w)
+
+
+def _pixel_distances(strokes, i, size, scale, reach):
+    """Crop, and for every (segment, pixel) within reach: the pixel, its signed distance, the segment's width."""
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
     xy, radius = distinct(strokes.xy[rows] * scale, 0.5 * strokes.thickness[rows] * scale)
     if len(xy) == 1:
         xy, radius = np.concatenate([xy, xy + [[1e-6, 0.0]]]), np.r_[radius, radius]
-    crop = crop_of(xy, radius + 1.0, size)
+    crop = crop_of(xy, radius + reach, size)
     xy, radius = _short_steps(xy, radius)
-    k, pixel, at = _near_pairs(xy, radius + 1.0, crop)
+    k, pixel, at = _near_pairs(xy, radius + reach, crop)
     length, direction, r0, slope = (value[k] for value in _segments(xy, radius, np.arange(len(xy) - 1)))
-    depth = -_cone_distance(at - xy[k], length, direction, r0, slope)
-    # the pixel's part within a band: what the near edge lets in less what the far edge shuts out
-    width = 2.0 * np.maximum(r0, radius[k + 1])
-    part = np.clip(depth + 0.5, 0.0, 1.0) - np.clip(depth + 0.5 - width, 0.0, 1.0)
-    cover = np.zeros(crop.w * crop.h)
-    np.maximum.at(cover, pixel, part)
-    return crop, cover.reshape(crop.h, crop.w)
+    distance = _cone_distance(at - xy[k], length, direction, r0, slope)
+    return crop, pixel, distance, 2.0 * np.maximum(r0, radius[k + 1])
 
 
 def _arms(xy):

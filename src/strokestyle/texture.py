@@ -14,14 +14,19 @@ from scipy import ndimage
 
 from .curves import owner
 from .exemplar import Exemplar
-from .strokes import Crop, Strokes, Texture, coverage, ribbon, strip_points
+from .strokes import Strokes, Texture, distance_map, ribbon, strip_points, strip_stretch
 
 ROWS = 2  # texels a px along a strip, and about as many across
-MARGIN = 3.0  # px that strips reach beyond the half thickness
+LEAST_MARGIN = 2.0  # px that strips reach beyond the half thickness, where the ink ends sharply there
+CLAIM = 10.0  # px round a stroke that are looked at to tell whose ink lies there
+TRACE = 0.02  # of the mean opacity inside: less ink than that is none
 NODE = 4  # px between the choices along a new stroke
 END = 40.0  # px from an end of a stroke within which its distance matters
 TONE_SIGMA = 5.0  # px along the stroke; what varies more slowly is tone, what varies faster is grain
 CANDIDATES = 24  # source positions weighed at every choice
+LUCK = 0.3  # how far chance decides between sources that cost about the same
+FLAW, JUMP, SEEN, OVER = 12.0, 3.0, 60.0, 4.0  # costs: of hidden rows, of a joint, of what it shows, past a strip's end
+LEAST_NOISE = np.array([0.03, 0.02, 0.02, 0.02])
 HALF_CUT = 4  # px to either side of a joint within which the least-error cut is sought
 
 
@@ -124,16 +129,14 @@ def _rows(strokes: Strokes, features: np.ndarray, margin: float) -> Rows:
 # ------------------------------------------------------------------------------------------------------ learning
 
 
-def learn_texture(
-    strokes: Strokes, features: np.ndarray, exemplar: Exemplar, seed: int = 0, margin: float = MARGIN
-) -> TextureBank:
+def learn_texture(strokes: Strokes, features: np.ndarray, exemplar: Exemplar, seed: int = 0) -> TextureBank:
     """Cut the exemplar into strips along the strokes that were fitted to it.
 
     Parameters
     ----------
     strokes : fitted training strokes, in the exemplar's pixels
     features : (N, P) float, one row per stroke point; `synthesise` needs the same features of the new strokes
-    seed : decides what is held out where flat ink and strips compete
+    seed : decides the joints where flat ink and strips compete
 
     Raises
     ------
@@ -143,34 +146,32 @@ def learn_texture(
     features = _checked(strokes, features)
     if not len(strokes):
         raise ValueError("learn_texture: no strokes to learn from")
+    claims = _claims(strokes, exemplar.alpha.shape[::-1])
+    margin = _margin(claims, exemplar.alpha)
     rows = _rows(strokes, features, margin)
-    half = 0.5 * rows.thickness.max() + margin
-    columns = int(np.clip(2 * np.ceil(ROWS * half), 12, 96))
-    strips, valid = _cut_strips(strokes, rows, exemplar, margin, columns)
+    strips, valid = _cut_strips(strokes, rows, exemplar, claims, margin)
     flaw = 1.0 - valid.mean(axis=1)
     strips = _mend(strips, valid, rows, margin)
-    alpha = strips[..., 3]
-    core = _core(rows.thickness, margin, columns)
+    core = _core(rows.thickness, margin, strips.shape[1])
     tone = _tone(strips, core, rows.offsets, 1.0 - flaw)
     plain = _plain_regressors(rows)
     scale = np.stack([plain.mean(axis=0), np.maximum(plain.std(axis=0), 1e-6)])
     design = _regressors(rows, scale)
-    weights, noise = _regress(design, tone, owner(rows.offsets), (1.0 - flaw) * (core * alpha).sum(axis=1))
-    fitted = design @ weights
-    look = _look(strips, rows.offsets)
-    return TextureBank(
+    weights, noise = _regress(design, tone, owner(rows.offsets), (1.0 - flaw) * (core * strips[..., 3]).sum(axis=1))
+    bank = TextureBank(
         rgba=np.rint(np.clip(_straight(strips), 0, 1) * 255).astype(np.uint8),
         offsets=rows.offsets,
         row=np.stack([rows.thickness, rows.start, rows.end, flaw], axis=1).astype(np.float32),
-        look=look.astype(np.float32),
+        look=_look(strips, rows.offsets).astype(np.float32),
         tone=tone.astype(np.float32),
-        fitted=fitted.astype(np.float32),
+        fitted=(design @ weights).astype(np.float32),
         weights=weights.astype(np.float32),
         scale=scale.astype(np.float32),
         noise=noise.astype(np.float32),
         margin=np.array([margin], np.float32),
         flat=np.zeros(1, np.float32),
     )
+    return bank
 
 
 def _checked(strokes, features):
@@ -182,10 +183,48 @@ def _checked(strokes, features):
     return features
 
 
-def _cut_strips(strokes, rows, exemplar, margin, columns):
-    """Premultiplied samples along every stroke (R, A, 4), and (R, A) bool, False where another stroke lies."""
+@dataclass(frozen=True)
+class Claims:
+    """Whose pixels are whose: stroke (H, W) that each lies deepest in, -1 where none is near; px by which it lies
+    outside that stroke (negative inside), and outside the next one, inf where there is none."""
+
+    stroke: np.ndarray
+    distance: np.ndarray
+    rival: np.ndarray
+
+
+def _claims(strokes, size):
+    width, height = size
+    stroke = np.full((height, width), -1)
+    distance, rival = np.full((height, width), np.inf), np.full((height, width), np.inf)
+    for i in range(len(strokes)):
+        crop, own = distance_map(strokes, i, size, CLAIM)
+        box = crop.index
+        old = distance[box]
+        better = own < old
+        rival[box] = np.where(better, old, np.minimum(rival[box], own))
+        stroke[box] = np.where(better, i, stroke[box])
+        distance[box] = np.where(better, own, old)
+    return Claims(stroke, distance, rival)
+
+
+def _margin(claims, alpha):
+    """Pixels beyond the strokes' edges within which all but a trace of their ink lies."""
+    alone = claims.rival > CLAIM
+    ring = [alone & (claims.distance > k) & (claims.distance <= k + 1) for k in range(int(CLAIM))]
+    inside = alone & (claims.distance < 0)
+    if not inside.any():
+        return LEAST_MARGIN
+    level = TRACE * alpha[inside].mean()
+    faint = [k for k, cells in enumerate(ring) if not cells.any() or alpha[cells].mean() < level]
+    return float(np.clip((faint[0] if faint else CLAIM) + 1, LEAST_MARGIN, CLAIM - 2))
+
+
+def _cut_strips(strokes, rows, exemplar, claims, margin):
+    """Premultiplied samples along every stroke (R, A, 4), and (R, A) bool, False where they are not the stroke's own:
+    where another stroke lies, or a bend folds or tears the strip."""
     height, width = exemplar.alpha.shape
-    nearest, second = _claims(strokes, (width, height))
+    columns = _columns(rows, margin)
     planes = [exemplar.ink[..., k] * exemplar.alpha for k in range(3)] + [exemplar.alpha]
     planes = [ndimage.spline_filter(plane, 3, output=np.float32) for plane in planes]
     strips, valid = [], []
@@ -194,12 +233,16 @@ def _cut_strips(strokes, rows, exemplar, margin, columns):
         n = rows.offsets[i + 1] - rows.offsets[i]
         at = strip_points(band, n, columns)[..., ::-1].transpose(2, 0, 1) - 0.5
         strip = [ndimage.map_coordinates(plane, at, order=3, mode="nearest", prefilter=False) for plane in planes]
+        strip = np.stack(strip, axis=-1)
         inside = np.rint(at).astype(np.int64)
         y, x = np.clip(inside[0], 0, height - 1), np.clip(inside[1], 0, width - 1)
-        mine = nearest[0][y, x] == i
-        rival = np.where(mine, second[y, x], nearest[1][y, x])
-        free = rival < -1.0
-        strip, free = np.stack(strip, axis=-1), free | (mine & (rival < nearest[1][y, x] - 4.0))
+        mine = claims.stroke[y, x] == i
+        own = np.where(mine, claims.distance[y, x], claims.rival[y, x])
+        other = np.where(mine, claims.rival[y, x], claims.distance[y, x])
+        # another stroke's soft edge does no harm well inside this one
+        free = other > np.where(own < -1.0, 0.5, margin - 1.0)
+        stretch = strip_stretch(band, n, columns)
+        free &= (stretch > 0.4) & (stretch < 2.0)
         if rows.turned[i]:
             strip, free = strip[::-1, ::-1], free[::-1, ::-1]
         strips.append(strip)
@@ -209,29 +252,9 @@ def _cut_strips(strokes, rows, exemplar, margin, columns):
     return np.concatenate([np.clip(strips[..., :3], 0, alpha), alpha], axis=-1), np.concatenate(valid)
 
 
-def _claims(strokes, size):
-    """The stroke that each pixel lies deepest in, how deep (px, negative outside), and how deep in the next one.
-
-    Returns ((H, W) int, (H, W) float), (H, W) float; -1 and -inf where no stroke is near.
-    """
-    width, height = size
-    first, index = np.full((height, width), -np.inf), np.full((height, width), -1)
-    second = first.copy()
-    grown = Strokes(strokes.xy, strokes.thickness + 8.0, strokes.offsets, strokes.kind, strokes.closed)
-    for i in range(len(strokes)):
-        crop, depth = _depth(grown, i, size)
-        depth = depth - 4.0
-        old, box = first[crop.index], crop.index
-        better = depth > old
-        second[box] = np.where(better, old, np.maximum(second[box], depth))
-        index[box] = np.where(better, i, index[box])
-        first[box] = np.where(better, depth, old)
-    return (index, first), second
-
-
-def _depth(strokes, i, size) -> tuple[Crop, np.ndarray]:
-    crop, cover = coverage(strokes, i, size)
-    return crop, np.where(cover > 0.5, ndimage.distance_transform_edt(cover > 0.5), -np.inf)
+def _columns(rows, margin):
+    """Texels across, enough for the widest row."""
+    return int(np.clip(2 * np.ceil(ROWS * (0.5 * rows.thickness.max(initial=0.0) + margin)), 12, 128))
 
 
 def _core(thickness, margin, columns):
@@ -380,12 +403,38 @@ def _turn(strips, rows):
     return out
 
 
-def _choose(bank, rows, predicted, rng) -> list[np.ndarray]:
-    """For every stroke the source row (K,) of each of its nodes, NODE px apart: Viterbi over candidates."""
+def _choose(bank, rows, predicted, rng, barred=None) -> list[np.ndarray]:
+    """For every stroke the source row (K,) of each of its nodes, NODE px apart: Viterbi over candidates.
+
+    `barred` (C, S) bool: strips that a stroke may not copy from.
+    """
     step = NODE * ROWS
     every = np.arange(0, len(bank.row), ROWS)  # source rows on offer
     strip = owner(bank.offsets)
-    noise = np.maximum(bank.noise, [0.03, 0.02, 0.02, 0.02])
+    noise = np.maximum(bank.noise, LEAST_NOISE)
+
+    # the cost of laying source row s on target row t, as an inner product of what depends on each
+    def of_target(node):
+        tone = np.sqrt(0.5) * predicted[node] / noise
+        thick = np.sqrt(3.0) / 0.3 * np.log(rows.thickness[node, None] + 1.0)
+        plain = np.concatenate([tone, thick], axis=1)
+        ends = np.clip(np.stack([rows.start[node], rows.end[node]], axis=1), -8.0, END)
+        weight = 1.0 / np.square(4.0 + 0.25 * np.maximum(ends, 0.0))
+        constant = np.square(plain).sum(axis=1) + (weight * ends * ends).sum(axis=1)
+        one = np.ones((len(node), 1))
+        return np.concatenate([constant[:, None], one, -2.0 * plain, weight, -2.0 * weight * ends], axis=1)
+
+    def of_source(row):
+        tone = np.sqrt(0.5) * row_tone[row] / noise
+        thick = np.sqrt(3.0) / 0.3 * np.log(bank.row[row, :1] + 1.0)
+        plain = np.concatenate([tone, thick], axis=1)
+        ends = np.clip(bank.row[row, 1:3], -8.0, END)
+        flaw = FLAW * bank.row[row, 3:] + np.where(bank.row[row, 3:] > 0.4, 100.0, 0.0)
+        constant = np.square(plain).sum(axis=1, keepdims=True) + flaw
+        return np.concatenate([np.ones((len(row), 1)), constant, plain, ends * ends, ends], axis=1)
+
+    row_tone = bank.fitted.astype(np.float64)
+    source = of_source(np.arange(len(bank.row)))
     # the row that follows a node's, and none where the strip is over
     follows = np.full(len(bank.row), -1)
     r = np.arange(len(bank.row) - step)
@@ -394,50 +443,39 @@ def _choose(bank, rows, predicted, rng) -> list[np.ndarray]:
     for i in range(len(rows.offsets) - 1):
         a, b = rows.offsets[i], rows.offsets[i + 1]
         node = np.minimum(np.arange(a + step // 2, max(b, a + step // 2 + 1), step), b - 1)
-
-        def unary(node, source):  # (K, n) for all source, or (n,) pairs
-            t, s = rows.thickness[node], bank.row[source, 0]
-            cost = 3.0 * np.square(np.log((t + 1.0) / (s + 1.0)) / 0.3)
-            for k, mine in ((1, rows.start[node]), (2, rows.end[node])):
-                off = np.clip(mine, -8.0, END) - np.clip(bank.row[source, k], -8.0, END)
-                cost = cost + np.square(off / (4.0 + 0.25 * np.clip(mine, 0, END)))
-            cost = cost + 0.5 * np.square(predicted[node] / noise - bank.fitted[source] / noise).sum(axis=-1)
-            return cost + 8.0 * bank.row[source, 3]
-
-        grid = unary(node[:, None], every[None])
-        grid += rng.gumbel(0.0, 0.3, grid.shape)
-        near = every[np.argpartition(grid, min(CANDIDATES, len(every)) - 1, axis=1)[:, :CANDIDATES]]
-        chosen.append(_viterbi(bank, node, near, unary, follows))
+        target = of_target(node)
+        grid = target @ source[every].T
+        grid += rng.gumbel(0.0, LUCK, grid.shape)
+        if barred is not None:
+            grid[:, barred[i][strip[every]]] += 1e6
+        few = min(CANDIDATES, len(every))
+        near = every[np.argpartition(grid, few - 1, axis=1)[:, :few]]
+        chosen.append(_viterbi(bank.look, near, target, source, follows))
     return chosen
 
 
-JUMP = 3.0
-SEEN = 60.0
-
-
-def _viterbi(bank, node, near, unary, follows):
-    candidates = [near[0]]
-    total = unary(node[0], near[0])
-    back = []
-    for k in range(1, len(node)):
+def _viterbi(look, near, target, source, follows):
+    candidates, total, back = [near[0]], source[near[0]] @ target[0], []
+    for k in range(1, len(near)):
         last = candidates[-1]
-        on = follows[last]
-        on = np.unique(on[on >= 0])
+        next_row = follows[last]
+        on = np.unique(next_row[next_row >= 0])
         if len(on) > 2 * CANDIDATES:
-            on = on[np.argsort(unary(node[k], on), kind="stable")[: 2 * CANDIDATES]]
+            on = on[np.argsort(source[on] @ target[k], kind="stable")[: 2 * CANDIDATES]]
         here = np.unique(np.concatenate([near[k], on]))
-        go = np.where(follows[last] >= 0, follows[last], last)
-        seam = np.square(bank.look[go][:, None] - bank.look[here][None]).sum(axis=2)
-        move = JUMP + SEEN * seam + 4.0 * (follows[last] < 0)[:, None]
-        move = np.where(follows[last][:, None] == here[None], 0.0, move)
+        go = np.where(next_row >= 0, next_row, last)
+        x, y = look[go], look[here]
+        seam = np.square(x).sum(axis=1)[:, None] + np.square(y).sum(axis=1)[None] - 2.0 * x @ y.T
+        move = JUMP + SEEN * np.maximum(seam, 0.0) + OVER * (next_row < 0)[:, None]
+        move = np.where(next_row[:, None] == here[None], 0.0, move)
         cost = total[:, None] + move
         best = cost.argmin(axis=0)
         back.append(best)
-        total = cost[best, np.arange(len(here))] + unary(node[k], here)
+        total = cost[best, np.arange(len(here))] + source[here] @ target[k]
         candidates.append(here)
     at = int(total.argmin())
     path = [candidates[-1][at]]
-    for k in range(len(node) - 1, 0, -1):
+    for k in range(len(near) - 1, 0, -1):
         at = back[k - 1][at]
         path.append(candidates[k - 1][at])
     return np.array(path[::-1])
@@ -445,53 +483,61 @@ def _viterbi(bank, node, near, unary, follows):
 
 def _lay(bank, rows, source, predicted) -> np.ndarray:
     """Copy the chosen runs into strips (R, A, 4) uint8 for the new strokes."""
-    margin, step = float(bank.margin[0]), NODE * ROWS
-    half = 0.5 * rows.thickness.max() + margin
-    columns = int(np.clip(2 * np.ceil(ROWS * half), 12, 96))
-    out = np.zeros((len(rows.thickness), columns, 4), np.uint8)
-    for i, nodes in enumerate(source):
-        a, b = rows.offsets[i], rows.offsets[i + 1]
-        out[a:b] = _lay_stroke(bank, rows, a, b, nodes, predicted, margin, step, columns)
+    out = np.zeros((len(rows.thickness), _columns(rows, float(bank.margin[0])), 4), np.uint8)
+    for nodes, a, b in zip(source, rows.offsets[:-1], rows.offsets[1:], strict=True):
+        layer = _lay_stroke(bank, rows.thickness[a:b], nodes, predicted[a:b], out.shape[1])
+        out[a:b] = np.rint(np.clip(_straight(layer), 0, 1) * 255)
     return out
 
 
-def _lay_stroke(bank, rows, a, b, nodes, predicted, margin, step, columns):
-    n = b - a
-    # runs: stretches of nodes that follow each other in the bank
-    jump = np.flatnonzero(np.diff(nodes) != step) + 1
-    first = np.r_[0, jump]
-    # a run's source row for target row r is r + shift; it reigns from `begin` to the next run's
-    shift = nodes[first] - (a + np.minimum(first * step + step // 2, n - 1))
-    begin = np.r_[0, jump * step, n]
+def _lay_stroke(bank, thickness, nodes, predicted, columns):
+    """One strip (n, columns, 4) float32, premultiplied."""
+    n, step, reach = len(thickness), NODE * ROWS, HALF_CUT * ROWS
+    # runs: stretches of nodes that follow each other in the bank; target row r copies source row r + shift
+    first = np.r_[0, np.flatnonzero(np.diff(nodes) != step) + 1]
+    shift = nodes[first] - np.minimum(first * step + step // 2, n - 1)
+    begin = np.r_[0, first[1:] * step, n]
     strip = np.searchsorted(bank.offsets, nodes[first], side="right") - 1
     low, high = bank.offsets[strip], bank.offsets[strip + 1] - 1
-    reach = HALF_CUT * ROWS
 
-    def copy(run, r):
-        """Rows r of the target out of one run: (len(r), columns, 4) float premultiplied, tone carried over."""
-        s = np.clip(a + r + shift[run], low[run], high[run])
-        return _resampled(bank, s, rows.thickness[a + r], margin, columns), s
+    def rows_of(run, r):
+        return np.clip(r + shift[run], low[run], high[run])
+
+    # tone: what the features ask for here, and beyond that what the source had, carried smoothly over the joints
+    run_of = np.searchsorted(begin, np.arange(n), side="right") - 1
+    s = rows_of(run_of, np.arange(n))
+    beyond = ndimage.gaussian_filter1d((bank.tone - bank.fitted)[s].astype(np.float64), TONE_SIGMA * ROWS, axis=0)
+    wanted = predicted + beyond
 
     layer = np.zeros((n, columns, 4), np.float32)
     for run in range(len(first)):
         r = np.arange(max(0, begin[run] - (reach if run else 0)), begin[run + 1])
-        patch, s = copy(run, r)
+        patch = _toned(_resampled(bank, rows_of(run, r), thickness[r], columns), bank.tone[rows_of(run, r)], wanted[r])
         head = np.flatnonzero(r < begin[run] + reach) if run else np.zeros(0, int)
         if len(head):
-            over = r[head]
-            old = copy(run - 1, over)[0]
-            old[: begin[run] - over[0]] = layer[over[: begin[run] - over[0]]]
-            patch[head] = _joined(old, patch[head])
+            over, kept = r[head], begin[run] - r[0]
+            past = over[kept:]
+            source = rows_of(run - 1, past)
+            going_on = _toned(_resampled(bank, source, thickness[past], columns), bank.tone[source], wanted[past])
+            patch[head] = _joined(np.concatenate([layer[over[:kept]], going_on]), patch[head])
         layer[r] = patch
-    return np.rint(np.clip(_straight(layer), 0, 1) * 255).astype(np.uint8)
+    return layer
 
 
-def _resampled(bank, s, thickness, margin, columns):
+def _toned(patch, tone, wanted):
+    """Premultiplied rows (n, A, 4) whose opacity and ink are moved from `tone` (n, 4) to `wanted` (n, 4)."""
+    gain = np.clip((wanted[:, 0] + 0.1) / (tone[:, 0] + 0.1), 0.5, 2.0)
+    alpha = np.minimum(patch[..., 3] * gain[:, None], 1.0)
+    ink = patch[..., :3] / np.maximum(patch[..., 3:], 1e-4) + (wanted[:, 1:] - tone[:, 1:])[:, None]
+    return np.concatenate([np.clip(ink, 0, 1) * alpha[..., None], alpha[..., None]], axis=-1).astype(np.float32)
+
+
+def _resampled(bank, s, thickness, columns):
     """Rows s of the bank, stretched across from their own thickness to `thickness` (n,), premultiplied float32.
 
     The core is stretched; beyond the edge distances stay what they are, so that a soft edge keeps its softness.
     """
-    a = bank.rgba.shape[1]
+    a, margin = bank.rgba.shape[1], float(bank.margin[0])
     v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
     half, own = 0.5 * thickness[:, None], 0.5 * bank.row[s, 0][:, None].astype(np.float64)
     distance = np.abs(v)[None] * (half + margin)
