@@ -1,11 +1,474 @@
-"""Visible fragments into natural strokes."""
+"""From visible fragments of lines to the fewest, longest natural strokes.
+
+Lengths are in pixels of a canvas 768 px on its longer side and grow with the canvas. A line is *hard* where it must be
+drawn to understand the shape (contour, boundary, crease, intersection, other) and *soft* where it describes the form
+between those (suggestive contour, ridge, valley, apparent ridge).
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields, replace
+
 import numpy as np
+from scipy.spatial import cKDTree
 
-from .curves import Curves
+from .curves import KINDS, Curves, arc_length, check_offsets, owner, resample, take_ragged
+
+REFERENCE = 768.0  # px, the longer side of the canvas on which all lengths here are stated
+STEP = 1.0  # px between points while at work, and in the result
+SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")
+_SOFT = np.array([kind in SOFT_KINDS for kind in KINDS])
+# How much of a soft line's length counts when two of different kinds compete for one place.
+_WEIGHT = np.array([1.0, 1.0, 1.0, 1.3, 1.0, 1.0, 0.7, 1.0, 1.0])
 
 
-def tidy(fragments: Curves, strength: np.ndarray, size: tuple[int, int] = (768, 768)) -> Curves:
-    return fragments.take(fragments.lengths() > 8)
+@dataclass(frozen=True)
+class TidyOptions:
+    """The numbers of `tidy`; its docstring says what they do. Pixels are those of a 768 px canvas.
+
+    Raises
+    ------
+    ValueError
+        on a number that is negative or not finite.
+    """
+
+    merge: float = 2.5
+    merge_soft: float = 4.0
+    merge_angle: float = 25.0
+    speck: float = 5.0
+    isolated: float = 15.0
+    attached: float = 8.0
+    soft: float = 14.0
+    crowd: float = 40.0
+    gap: float = 10.0
+    contour_gap: float = 14.0
+    angle: float = 30.0
+    corner: float = 70.0
+    smooth: float = 0.5
+    smooth_soft: float = 1.5
+
+    def __post_init__(self):
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise ValueError(f"tidy option {item.name} must be a number from 0 on, got {value}")
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Polylines with a point every STEP px: xy (N, 2), strength (N,), offsets (C+1,), kind (C,), closed (C,)."""
+
+    xy: np.ndarray
+    strength: np.ndarray
+    offsets: np.ndarray
+    kind: np.ndarray
+    closed: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    @property
+    def first(self) -> np.ndarray:
+        return self.offsets[:-1]
+
+    @property
+    def last(self) -> np.ndarray:
+        return self.offsets[1:] - 1
+
+    def lengths(self) -> np.ndarray:
+        return arc_length(self.xy, self.offsets)[self.last]
+
+    def mean_strength(self) -> np.ndarray:
+        return np.add.reduceat(self.strength, self.first) / np.diff(self.offsets) if len(self) else np.zeros(0)
+
+    def take(self, index) -> _Lines:
+        index = np.arange(len(self))[np.asarray(index)]
+        rows, offsets = take_ragged(self.offsets, index)
+        return _Lines(self.xy[rows], self.strength[rows], offsets, self.kind[index], self.closed[index])
+
+    def runs(self, keep: np.ndarray) -> _Lines:
+        """The stretches of kept points (N,), as curves; single points are lost. A closed curve opens where it is cut."""
+        run, start, count, value = _runs(keep, self.offsets)
+        good = value & (count >= 2)
+        of = owner(self.offsets)[start]
+        rows = good[run]
+        whole = count == np.diff(self.offsets)[of]
+        offsets = np.r_[0, np.cumsum(count[good])]
+        return _Lines(self.xy[rows], self.strength[rows], offsets, self.kind[of[good]], (self.closed[of] & whole)[good])
+
+
+def tidy(
+    fragments: Curves, strength: np.ndarray, size: tuple[int, int] = (768, 768), options: TidyOptions | None = None
+) -> Curves:
+    """The strokes that an illustrator would start from, out of visible pieces of feature lines.
+
+    1. **Merged**: the part of a curve that runs beside a better one, within `merge` px (`merge_soft` if it is soft)
+       and `merge_angle` degrees, goes. Better is, among hard lines of 8 px and more, the earlier kind in KINDS, then
+       the longer; a hard line before a soft one; among soft ones the greater length x strength. Parts left over that
+       are shorter than 6 px go too; removed parts shorter than 4 px stay. Crossings are not parallel, so they stay.
+    2. **Joined**, first ends that nearly meet (4 px), after step 3 across `gap` px (`contour_gap` between contours):
+       where both ends head for each other within `angle` degrees, or overlap by up to 6 px side by side. Best
+       pairs first, the same kind before others, never across a third line. A joined stroke has the kind of its longer
+       part. Ends of one curve that meet close it.
+    3. **Dropped**: anything shorter than `speck` px; hard lines shorter than `isolated` px, or `attached` px where an
+       end lies within 6 px of another line; soft lines whose length x strength is less than `soft` px, more where other
+       short soft lines crowd the neighbourhood: twice as much for every `crowd` px of them within 24 px.
+    4. **Split** at corners of more than `corner` degrees within 12 px. A closed curve with no corner starts at its
+       topmost point (the leftmost of them); one with corners is cut there.
+    5. **Smoothed** along the stroke, never by more than `smooth` px (`smooth_soft` for soft lines); ends stay.
+
+    Parameters
+    ----------
+    fragments : visible polylines, in pixels, points at any spacing
+    strength : (N,) in 0..1, per point; 1 for hard lines
+    size : (width, height) of the canvas, pixels
+    options : the numbers above
+
+    Returns
+    -------
+    Curves with a point about every pixel, in KINDS order, the longest of a kind first
+
+    Raises
+    ------
+    ValueError
+        where `strength` does not fit the fragments, or the canvas has no size.
+    """
+    options = options or TidyOptions()
+    strength = np.asarray(strength, np.float64)
+    if strength.shape != (len(fragments.xy),) or not np.isfinite(strength).all():
+        raise ValueError(f"strength must be {len(fragments.xy)} finite numbers, one per point, got {strength.shape}")
+    if min(size) <= 0:
+        raise ValueError(f"the canvas must have a size, got {size[0]} x {size[1]}")
+    scale = max(size) / REFERENCE
+    lines = _even(fragments.xy / scale, strength, fragments.offsets, fragments.kind, fragments.closed)
+    lines = _merge(lines, options)
+    lines = _join(lines, options, near=True)
+    lines = _drop(lines, options)
+    lines = _join(lines, options, near=False)
+    lines = _drop(lines, options)
+    lines = _split(lines, options)
+    lines = _smooth(lines, options)
+    order = np.lexsort((-lines.lengths(), lines.kind))
+    lines = lines.take(order)
+    return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed)
+
+
+def _even(xy, strength, offsets, kind, closed) -> _Lines:
+    """Points every STEP px; curves of no length are left out."""
+    xy, offsets, (strength,) = resample(xy, offsets, STEP, strength)
+    lines = _Lines(xy, np.clip(strength, 0.0, 1.0), offsets, np.asarray(kind), np.asarray(closed, bool))
+    return lines.take(lines.lengths() > 1e-6) if len(lines) else lines
+
+
+def _runs(flag: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Stretches of equal `flag` (N,) that stay within one curve: run of each point (N,), then start, count and flag
+    of each run (R,)."""
+    if not len(flag):
+        return np.zeros(0, int), np.zeros(0, int), np.zeros(0, int), np.zeros(0, bool)
+    new = np.r_[True, flag[1:] != flag[:-1]]
+    new[offsets[:-1]] = True
+    start = np.flatnonzero(new)
+    return np.cumsum(new) - 1, start, np.diff(np.r_[start, len(flag)]), flag[start]
+
+
+def _flip_short(flag: np.ndarray, offsets: np.ndarray, value: bool, shorter: float) -> np.ndarray:
+    """Turn runs of `value` that are shorter than `shorter` points and not a whole curve."""
+    run, start, count, is_on = _runs(flag, offsets)
+    whole = count == np.diff(offsets)[owner(offsets)[start]]
+    turn = (is_on == value) & (count < shorter) & ~whole
+    return flag ^ turn[run]
+
+
+def _chords(lines: _Lines, reach: int) -> np.ndarray:
+    """Direction (N, 2) of the chord from `reach` points before to `reach` points after, less near the ends."""
+    at = np.arange(len(lines.xy))
+    of = owner(lines.offsets)
+    d = lines.xy[np.minimum(at + reach, lines.last[of])] - lines.xy[np.maximum(at - reach, lines.first[of])]
+    return d / np.maximum(np.linalg.norm(d, axis=1), 1e-9)[:, None]
+
+
+# ---------------------------------------------------------------------------------------------------------- merging
+
+
+def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
+    """Without the parts that run beside a better curve."""
+    if len(lines) < 2:
+        return lines
+    of = owner(lines.offsets)
+    soft = _SOFT[lines.kind]
+    length = lines.lengths()
+    score = length * np.where(soft, lines.mean_strength(), 1.0) * _WEIGHT[lines.kind]
+    group = np.where(soft, len(KINDS) + 1, np.where(length >= 8.0, lines.kind, len(KINDS)))
+    rank = np.empty(len(lines), np.int64)
+    rank[np.lexsort((np.arange(len(lines)), -score, group))] = np.arange(len(lines))
+
+    radius = max(options.merge, options.merge_soft)
+    pairs = cKDTree(lines.xy).query_pairs(radius, output_type="ndarray")
+    same = of[pairs[:, 0]] == of[pairs[:, 1]]
+    pairs = pairs[~same]
+    swap = rank[of[pairs[:, 0]]] > rank[of[pairs[:, 1]]]
+    winner, loser = np.where(swap[:, None], pairs[:, ::-1], pairs).T
+    direction = _chords(lines, 4)
+    cosine = np.abs(np.einsum("ij,ij->i", direction[winner], direction[loser]))
+    distance = np.linalg.norm(lines.xy[winner] - lines.xy[loser], axis=1)
+    near = distance <= np.where(soft[of[loser]], options.merge_soft, options.merge)
+    beside = near & (cosine > np.cos(np.radians(options.merge_angle)))
+    winner, loser = winner[beside], loser[beside]
+
+    # A part that is gone removes nothing itself. Each round settles the curves one rank further down the chains of
+    # curves that compete, so a few rounds do.
+    gone = np.zeros(len(lines.xy), bool)
+    for _ in range(12):
+        before = gone
+        gone = np.zeros(len(lines.xy), bool)
+        gone[loser[~before[winner]]] = True
+        for value, shorter in ((False, 3.0), (True, 4.0), (False, 6.0)):
+            part = _flip_short(gone, lines.offsets, value, shorter / STEP)
+            gone = part
+        if np.array_equal(gone, before):
+            break
+    return lines.runs(~gone)
+
+
+# ---------------------------------------------------------------------------------------------------------- joining
+
+
+def _ends(lines: _Lines, reach: int = 6) -> tuple[np.ndarray, np.ndarray]:
+    """Both ends of every curve, start then end, (2C, 2), and their headings outward, (2C, 2)."""
+    count = np.diff(lines.offsets) - 1
+    back = np.minimum(count, reach)
+    tip = np.stack([lines.first, lines.last], axis=1).ravel()
+    root = np.stack([lines.first + back, lines.last - back], axis=1).ravel()
+    heading = lines.xy[tip] - lines.xy[root]
+    return lines.xy[tip], heading / np.maximum(np.linalg.norm(heading, axis=1), 1e-9)[:, None]
+
+
+def _join(lines: _Lines, options: TidyOptions, near: bool) -> _Lines:
+    """Curves joined end to end. `near`: only ends that almost meet."""
+    open_ = np.flatnonzero(~lines.closed)
+    if not len(open_):
+        return lines
+    tip, heading = _ends(lines)
+    curve = np.arange(len(tip)) // 2
+    candidates = np.flatnonzero(~lines.closed[curve])
+    reach = 4.0 if near else max(options.gap, options.contour_gap)
+    pairs = candidates[cKDTree(tip[candidates]).query_pairs(reach, output_type="ndarray")]
+    if not len(pairs):
+        return lines
+    a, b = pairs.T
+    length, kind = lines.lengths(), lines.kind
+    soft = _SOFT[kind]
+    ca, cb = curve[a], curve[b]
+    bridge = tip[b] - tip[a]
+    gap = np.linalg.norm(bridge, axis=1)
+    along_a, along_b = np.einsum("ij,ij->i", bridge, heading[a]), -np.einsum("ij,ij->i", bridge, heading[b])
+    side_a = np.sqrt(np.maximum(gap**2 - along_a**2, 0.0))
+    side_b = np.sqrt(np.maximum(gap**2 - along_b**2, 0.0))
+    bend = np.degrees(np.arccos(np.clip(-np.einsum("ij,ij->i", heading[a], heading[b]), -1.0, 1.0)))
+    contours = (kind[ca] == 0) & (kind[cb] == 0)
+    angle = np.where(contours, 1.4, 1.0) * options.angle
+    slope = np.tan(np.radians(angle))
+    ahead = (along_a > -0.5) & (along_b > -0.5)
+    aside = np.maximum(side_a, side_b)
+    straight = ahead & (aside <= 1.0 + slope * np.minimum(np.abs(along_a), np.abs(along_b)))
+    touching = gap < 2.0
+    overlap = ~ahead & (np.minimum(along_a, along_b) > -6.0) & (aside < 2.0)
+    good = np.where(touching, bend < 60.0, (bend < angle * np.where(gap < 4.0, 1.2, 1.0)) & (straight | overlap))
+    limit = np.where(contours, options.contour_gap, options.gap)
+    # a short piece does not bridge more than its own length
+    limit = np.minimum(limit, np.maximum(np.minimum(length[ca], length[cb]), 3.0))
+    good &= gap <= np.where(near, 4.0, limit)
+    own = ca == cb
+    good &= ~own | ((a != b) & (length[ca] > 4.0 * np.maximum(gap, 3.0)))
+    mixed = kind[ca] != kind[cb]
+    cost = gap / options.gap + bend / 30.0 + aside / 4.0 + 0.5 * mixed + 0.5 * (soft[ca] != soft[cb])
+    a, b, gap, cost = a[good], b[good], gap[good], cost[good]
+    if len(a):
+        clear = _clear(lines, tip[a], tip[b], curve[a], curve[b], gap)
+        a, b, cost = a[clear], b[clear], cost[clear]
+    mate = np.full(len(tip), -1)
+    for i in np.lexsort((b, a, cost)):
+        if mate[a[i]] < 0 and mate[b[i]] < 0:
+            mate[a[i]], mate[b[i]] = b[i], a[i]
+    return _link(lines, mate)
+
+
+def _clear(lines: _Lines, start, stop, ca, cb, gap) -> np.ndarray:
+    """Whether the bridge of each pair meets no third hard curve, (P,). Bridges of less than 3 px always do."""
+    hard = ~_SOFT[lines.kind][owner(lines.offsets)]
+    clear = np.ones(len(start), bool)
+    long = np.flatnonzero(gap >= 3.0)
+    if not len(long) or not hard.any():
+        return clear
+    tree, of = cKDTree(lines.xy[hard]), owner(lines.offsets)[hard]
+    t = np.linspace(0.0, 1.0, 14)[1:-1]
+    probe = start[long, None] + t[:, None] * (stop - start)[long, None]
+    _, nearest = tree.query(probe.reshape(-1, 2), k=1, distance_upper_bound=0.8)
+    found = nearest < len(of)
+    other = np.where(found, of[np.minimum(nearest, len(of) - 1)], -1).reshape(len(long), -1)
+    third = (other >= 0) & (other != ca[long, None]) & (other != cb[long, None])
+    clear[long] = ~third.any(axis=1)
+    return clear
+
+
+def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
+    """Chains of curves whose ends are paired, (2C,) with -1 for none; each is resampled as one curve."""
+    count = len(lines)
+    length = lines.lengths()
+    used = np.zeros(count, bool)
+    xy, strength, kind, closed = [], [], [], []
+    starts = [e for e in range(2 * count) if mate[e] < 0] + list(range(0, 2 * count, 2))
+    for end in starts:
+        if used[end // 2]:
+            continue
+        parts, at, weight = [], end, np.zeros(len(KINDS))
+        while at >= 0 and not used[at // 2]:
+            c = at // 2
+            used[c] = True
+            rows = np.arange(lines.offsets[c], lines.offsets[c + 1])
+            parts.append(rows[::-1] if at % 2 else rows)
+            weight[lines.kind[c]] += length[c]
+            at = mate[at ^ 1]
+        ring = at >= 0
+        if ring and len(parts) > 1:
+            parts = _trimmed(lines.xy, parts, ring=True)
+        elif len(parts) > 1:
+            parts = _trimmed(lines.xy, parts, ring=False)
+        rows = np.concatenate(parts)
+        if ring and len(rows) > 3:
+            rows = np.r_[rows, rows[0]]
+        xy.append(lines.xy[rows])
+        strength.append(lines.strength[rows])
+        kind.append(int(weight.argmax()) if len(parts) > 1 else int(lines.kind[end // 2]))
+        closed.append(bool(lines.closed[end // 2]) or (ring and len(rows) > 4))
+    offsets = np.r_[0, np.cumsum([len(p) for p in xy])]
+    return _even(np.concatenate(xy), np.concatenate(strength), offsets, np.array(kind), np.array(closed))
+
+
+def _trimmed(xy: np.ndarray, parts: list[np.ndarray], ring: bool) -> list[np.ndarray]:
+    """Rows of successive parts, without the points at a part's start that lie behind the end of the one before."""
+    out = list(parts)
+    for i in range(0 if ring else 1, len(out)):
+        before, part = out[i - 1], out[i]
+        if len(part) < 4:
+            continue
+        tip, head = xy[before[-1]], xy[before[-1]] - xy[before[max(len(before) - 6, 0)]]
+        behind = (xy[part[:8]] - tip) @ head <= 0.3 * np.linalg.norm(head)
+        skip = int(behind.argmin()) if not behind.all() else 0
+        out[i] = part[min(skip, len(part) - 2) :]
+    return out
+
+
+# --------------------------------------------------------------------------------------------------------- dropping
+
+
+def _drop(lines: _Lines, options: TidyOptions) -> _Lines:
+    """Without specks and noise."""
+    if not len(lines):
+        return lines
+    length, soft = lines.lengths(), _SOFT[lines.kind]
+    of = owner(lines.offsets)
+    attached = _attached(lines)
+    hard_least = np.where(attached > 0, options.attached, options.isolated)
+    short = (length < 30.0) & soft
+    crowd = np.zeros(len(lines))
+    if short.any():
+        rows = np.flatnonzero(short[of])
+        tree = cKDTree(lines.xy[rows])
+        probe = np.flatnonzero(soft[of])[::3]
+        count = tree.query_ball_point(lines.xy[probe], 24.0, return_length=True) * STEP
+        total, hits = (np.bincount(of[probe], w, len(lines)) for w in (count, np.ones(len(probe))))
+        own = np.where(short, np.minimum(length, 24.0), 0.0)
+        crowd = np.maximum(total / np.maximum(hits, 1.0) - own, 0.0)
+    need = options.soft * (1.0 + crowd / max(options.crowd, 1e-9))
+    weight = length * lines.mean_strength()
+    enough = np.where(soft, (weight >= need) & (length >= 10.0), length >= hard_least)
+    return lines.take(enough & (length >= options.speck))
+
+
+def _attached(lines: _Lines) -> np.ndarray:
+    """How many ends of each curve (0, 1, 2) lie within 6 px of another curve; a closed one has no end, 0."""
+    tip, _ = _ends(lines)
+    tree, of = cKDTree(lines.xy), owner(lines.offsets)
+    # the 16 nearest points within 6 px of a tip are its own 7 at most when the curve is straight, others after that
+    distance, nearest = tree.query(tip, k=min(16, len(lines.xy)), distance_upper_bound=6.0)
+    distance, nearest = distance.reshape(len(tip), -1), nearest.reshape(len(tip), -1)
+    other = (distance < np.inf) & (of[np.minimum(nearest, len(of) - 1)] != (np.arange(len(tip)) // 2)[:, None])
+    return other.any(axis=1).reshape(-1, 2).sum(axis=1) * ~lines.closed
+
+
+# -------------------------------------------------------------------------------------------- splitting, smoothing
+
+
+def _split(lines: _Lines, options: TidyOptions) -> _Lines:
+    """Cut at corners; smooth closed curves start at their topmost point."""
+    if not len(lines):
+        return lines
+    xy, strength, kind, closed = [], [], [], []
+    reach = 6
+    for c in range(len(lines)):
+        rows = np.arange(lines.offsets[c], lines.offsets[c + 1])
+        is_closed = bool(lines.closed[c]) and len(rows) > 4
+        if is_closed:
+            p = lines.xy[rows[:-1]]
+            top = int(np.lexsort((p[:, 0], p[:, 1]))[0])
+            rows = np.r_[np.roll(rows[:-1], -top), rows[top]]
+        corners = _corners(lines.xy[rows], is_closed, reach, options.corner)
+        if is_closed and len(corners):
+            rows = np.r_[np.roll(rows[:-1], -corners[0]), rows[corners[0]]]
+            corners = corners[1:] - corners[0]
+        stops = np.r_[0, corners, len(rows) - 1]
+        for a, b in zip(stops[:-1], stops[1:], strict=True):
+            xy.append(lines.xy[rows[a : b + 1]])
+            strength.append(lines.strength[rows[a : b + 1]])
+            kind.append(int(lines.kind[c]))
+            closed.append(is_closed and len(stops) == 2 and not (len(corners)))
+    offsets = np.r_[0, np.cumsum([len(p) for p in xy])]
+    return _Lines(np.concatenate(xy), np.concatenate(strength), offsets, np.array(kind), np.array(closed))
+
+
+def _corners(p: np.ndarray, closed: bool, reach: int, corner: float) -> np.ndarray:
+    """Indices of sharp corners of one polyline (n, 2), at least 8 points from its ends and from each other."""
+    n = len(p)
+    if n < 2 * reach + 5:
+        return np.zeros(0, int)
+    at = np.arange(n - 1 if closed else n)
+    if closed:
+        before, after = p[(at - reach) % (n - 1)], p[(at + reach) % (n - 1)]
+    else:
+        before, after = p[np.maximum(at - reach, 0)], p[np.minimum(at + reach, n - 1)]
+    u, v = p[at] - before, after - p[at]
+    turn = np.degrees(np.abs(np.arctan2(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], np.einsum("ij,ij->i", u, v))))
+    if not closed:
+        turn[:8], turn[-8:] = 0.0, 0.0
+    found = []
+    for i in np.argsort(-turn, kind="stable"):
+        if turn[i] < corner:
+            break
+        gap = [min(abs(i - j), (n - 1 - abs(i - j)) if closed else n) for j in found]
+        if all(g >= 8 for g in gap):
+            found.append(int(i))
+    return np.sort(np.array(found, int))
+
+
+def _smooth(lines: _Lines, options: TidyOptions) -> _Lines:
+    """Mesh zig-zag averaged away along the curve by a Gaussian, moves limited; ends of open curves stay."""
+    if not len(lines):
+        return lines
+    of = owner(lines.offsets)
+    soft = _SOFT[lines.kind][of]
+    before, after = np.arange(len(lines.xy)) - 1, np.arange(len(lines.xy)) + 1
+    fixed = np.zeros(len(lines.xy), bool)
+    fixed[lines.first[~lines.closed]] = fixed[lines.last[~lines.closed]] = True
+    before[lines.first], after[lines.last] = lines.first, lines.last
+    ring = lines.closed
+    before[lines.first[ring]], after[lines.last[ring]] = lines.last[ring] - 1, lines.first[ring] + 1
+    limit = np.where(soft, options.smooth_soft, options.smooth)
+    xy = lines.xy
+    for i in range(24):
+        moves = ~fixed & (soft | (i < 6))
+        xy = np.where(moves[:, None], 0.5 * xy + 0.25 * (xy[before] + xy[after]), xy)
+    shift = xy - lines.xy
+    size = np.linalg.norm(shift, axis=1)
+    shift *= np.minimum(1.0, limit / np.maximum(size, 1e-9))[:, None]
+    return replace(lines, xy=lines.xy + shift)
