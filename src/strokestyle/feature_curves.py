@@ -6,16 +6,18 @@ crosses zero; they are then chained across faces into the longest polylines. Con
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
 
 from .camera import Camera
 from .curves import KINDS, check_offsets, take_ragged
-from .surface import Surface
+from .surface import Surface, differential_geometry
 
+SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")  # read off curvature, so that noise of the mesh tells
 SURFACE_KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent")
+MOST_SMOOTH = 3.0  # mean edges: a denser mesh is smoothed over less than LineOptions.smooth, or it would take long
 _NEXT, _BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])  # the corners after and before corner 0, 1, 2
 
 
@@ -30,6 +32,8 @@ class LineOptions:
     ridge, valley : least principal curvature, times F (Ohtake 2004)
     apparent : least view-dependent curvature (Judd 2007), times F^2
     crease : least angle between the faces at a crease, degrees
+    smooth : length, in longest sides of the shape, over which normals and curvatures are smoothed for the soft kinds
+        (suggestive, ridge, valley, apparent); contours need the mesh's own normals, or they leave its silhouette
     hysteresis : strength (0..1) that a suggestive contour, ridge, valley or apparent ridge must reach somewhere;
         the rest of it may be as weak as its threshold. 0 keeps all.
     trim : leave out the contours that cannot be seen because the surface curves towards the eye there
@@ -42,11 +46,12 @@ class LineOptions:
 
     kinds: tuple[str, ...] = ("contour", "boundary", "crease", "suggestive", "ridge", "valley")
     suggestive: float = 0.01
-    ridge: float = 0.1
+    ridge: float = 0.5
     valley: float = 0.1
     apparent: float = 0.1
     crease: float = 40.0
-    hysteresis: float = 0.0
+    smooth: float = 0.007
+    hysteresis: float = 0.5
     trim: bool = True
 
     def __post_init__(self):
@@ -166,18 +171,37 @@ def feature_curves(surface: Surface, camera: Camera, options: LineOptions | None
     Parts of closed surfaces that face away are left out where a kind cannot be seen there.
     """
     options = options or LineOptions()
+    segments = []
+    for kind, find in _VIEW_KINDS.items():
+        if kind in options.kinds:
+            shown = smoothed(surface, options.smooth) if kind in SOFT_KINDS else surface
+            segments.append(find(shown, ViewFields.of(shown, camera.eye), options))
     view = ViewFields.of(surface, camera.eye)
-    segments = [find(surface, view, options) for kind, find in _VIEW_KINDS.items() if kind in options.kinds]
     curves = SurfaceCurves.concatenate(
         [_chain(surface, part, camera.up, options.hysteresis) for part in segments] + [_facing(surface, view, options)]
     )
     return curves.take(np.argsort(curves.kind, kind="stable"))
 
 
+@lru_cache(maxsize=2)
+def smoothed(surface: Surface, length: float) -> Surface:
+    """The surface with normals and curvatures smoothed over `length`, in longest sides; its vertices stay."""
+    if not length > 0.0:
+        return surface
+    names = ("normals", "k1", "k2", "pdir1", "pdir2", "dcurv", "feature_size")
+    edges = min(length / surface.mean_edge, MOST_SMOOTH)
+    values = differential_geometry(surface.vertices, surface.faces, edges)
+    return replace(surface, **dict(zip(names, values, strict=True)))
+
+
 @lru_cache(maxsize=4)
 def surface_lines(surface: Surface, options: LineOptions) -> SurfaceCurves:
     """The lines that do not depend on the camera: boundaries, creases, ridges, valleys."""
-    segments = [find(surface, options) for kind, find in _SURFACE_KINDS.items() if kind in options.kinds]
+    segments = [
+        find(smoothed(surface, options.smooth) if kind in SOFT_KINDS else surface, options)
+        for kind, find in _SURFACE_KINDS.items()
+        if kind in options.kinds
+    ]
     return SurfaceCurves.concatenate(
         [_chain(surface, part, np.array([0.0, 1.0, 0.0]), options.hysteresis) for part in segments]
     )
