@@ -35,6 +35,7 @@ from .style import (
     plan,
     point_features,
 )
+from .texture import learn_texture
 from .view import View
 
 
@@ -373,10 +374,6 @@ def _flat_ink(exemplar: Exemplar) -> np.ndarray:
 
 
 def _learn_texture(style, planned, features, xy, thickness, exemplar, seed, report) -> Style:
-    try:
-        from .texture import learn_texture
-    except ImportError:
-        return style
     xy, thickness = xy.double().cpu().numpy(), thickness.double().cpu().numpy()
     rows, offsets, kept = lifted(thickness, planned.offsets)
     if not len(kept):

@@ -23,6 +23,7 @@ from .files import write_bytes
 from .model import StrokeNet
 from .planning import Planned, plan_strokes
 from .strokes import Drawing, Strokes
+from .texture import TextureBank, synthesise
 from .view import View
 
 FORMAT = 1
@@ -83,7 +84,7 @@ class Style:
     base : float, px, the thickness it starts from
     centre, spread, low, high : (P,) float64, of FEATURES over the training strokes
     hand : Hand or None
-    bank : what `texture.learn_texture` learned, or None
+    bank : the medium, or None for flat ink
     color : (4,) float64, the flat ink where there is no texture
     about : provenance: strokestyle version, preset, seed, exemplar
     """
@@ -97,7 +98,7 @@ class Style:
     low: np.ndarray
     high: np.ndarray
     hand: Hand | None = None
-    bank: object | None = None
+    bank: TextureBank | None = None
     color: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
     about: dict = field(default_factory=dict)
 
@@ -116,8 +117,6 @@ class Style:
         rng_seed = int(np.random.SeedSequence([seed, 1]).generate_state(1)[0])
         color, texture = np.tile(self.color, (len(strokes), 1)), None
         if self.bank is not None and len(strokes):
-            from .texture import synthesise
-
             texture, color = synthesise(self.bank, strokes, features, rng_seed)
         if scale != 1.0:
             strokes = replace(strokes, xy=strokes.xy * scale, thickness=strokes.thickness * scale)
@@ -425,8 +424,6 @@ def _unpack_style(payload: dict, device: torch.device) -> Style:
     network.load_state_dict(payload["network"])
     bank = None
     if payload["texture"] is not None:
-        from .texture import TextureBank
-
         bank = _unpack(TextureBank, payload["texture"])
     return Style(
         config=config,
