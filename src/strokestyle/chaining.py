@@ -12,14 +12,16 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .curves import KINDS, Curves, arc_length, check_offsets, owner, resample, take_ragged
+from .curves import KINDS, Curves, arc_length, owner, resample, take_ragged
 
 REFERENCE = 768.0  # px, the longer side of the canvas on which all lengths here are stated
 STEP = 1.0  # px between points while at work, and in the result
+HAIRPIN = 110.0  # degrees: a line that turns back on itself is two lines
 SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")
 _SOFT = np.array([kind in SOFT_KINDS for kind in KINDS])
 # How much of a soft line's length counts when two of different kinds compete for one place.
-_WEIGHT = np.array([1.0, 1.0, 1.0, 1.3, 1.0, 1.0, 0.7, 1.0, 1.0])
+_WEIGHT = np.array([1.0, 1.0, 2.0, 1.3, 1.0, 1.0, 0.7, 1.0, 1.0])
+_CREASE = KINDS.index("crease")
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,9 @@ class TidyOptions:
     speck: float = 5.0
     isolated: float = 15.0
     attached: float = 8.0
-    soft: float = 14.0
+    soft: float = 20.0
     crowd: float = 40.0
+    long_crease: float = 30.0
     gap: float = 10.0
     contour_gap: float = 14.0
     angle: float = 30.0
@@ -87,7 +90,7 @@ class _Lines:
         return _Lines(self.xy[rows], self.strength[rows], offsets, self.kind[index], self.closed[index])
 
     def runs(self, keep: np.ndarray) -> _Lines:
-        """The stretches of kept points (N,), as curves; single points are lost. A closed curve opens where it is cut."""
+        """The stretches of kept points (N,), as curves; single points are lost. Closed curves open where cut."""
         run, start, count, value = _runs(keep, self.offsets)
         good = value & (count >= 2)
         of = owner(self.offsets)[start]
@@ -141,12 +144,15 @@ def tidy(
         raise ValueError(f"the canvas must have a size, got {size[0]} x {size[1]}")
     scale = max(size) / REFERENCE
     lines = _even(fragments.xy / scale, strength, fragments.offsets, fragments.kind, fragments.closed)
+    lines = _split(lines, HAIRPIN, reach=3, apart=2, steady=False)
+    lines = _join(lines, options, near=True)
     lines = _merge(lines, options)
     lines = _join(lines, options, near=True)
     lines = _drop(lines, options)
     lines = _join(lines, options, near=False)
+    lines = _merge(lines, options)
     lines = _drop(lines, options)
-    lines = _split(lines, options)
+    lines = _split(lines, options.corner, reach=6, apart=11, steady=True)
     lines = _smooth(lines, options)
     order = np.lexsort((-lines.lengths(), lines.kind))
     lines = lines.take(order)
@@ -197,6 +203,7 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
     of = owner(lines.offsets)
     soft = _SOFT[lines.kind]
     length = lines.lengths()
+    soft |= (lines.kind == _CREASE) & (length < options.long_crease)
     score = length * np.where(soft, lines.mean_strength(), 1.0) * _WEIGHT[lines.kind]
     group = np.where(soft, len(KINDS) + 1, np.where(length >= 8.0, lines.kind, len(KINDS)))
     rank = np.empty(len(lines), np.int64)
@@ -267,13 +274,16 @@ def _join(lines: _Lines, options: TidyOptions, near: bool) -> _Lines:
     bend = np.degrees(np.arccos(np.clip(-np.einsum("ij,ij->i", heading[a], heading[b]), -1.0, 1.0)))
     contours = (kind[ca] == 0) & (kind[cb] == 0)
     angle = np.where(contours, 1.4, 1.0) * options.angle
+    free = ~_near_others(lines, 3.0)
+    corner = contours & free[a] & free[b] & (along_a > 0.0) & (along_b > 0.0) & (bend < 90.0)
     slope = np.tan(np.radians(angle))
     ahead = (along_a > -0.5) & (along_b > -0.5)
     aside = np.maximum(side_a, side_b)
-    straight = ahead & (aside <= 1.0 + slope * np.minimum(np.abs(along_a), np.abs(along_b)))
+    straight = ahead & (aside <= np.where(contours, 2.5, 1.5) + slope * np.minimum(np.abs(along_a), np.abs(along_b)))
     touching = gap < 2.0
     overlap = ~ahead & (np.minimum(along_a, along_b) > -6.0) & (aside < 2.0)
     good = np.where(touching, bend < 60.0, (bend < angle * np.where(gap < 4.0, 1.2, 1.0)) & (straight | overlap))
+    good |= corner & (gap <= options.gap)
     limit = np.where(contours, options.contour_gap, options.gap)
     # a short piece does not bridge more than its own length
     limit = np.minimum(limit, np.maximum(np.minimum(length[ca], length[cb]), 3.0))
@@ -339,7 +349,8 @@ def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
             rows = np.r_[rows, rows[0]]
         xy.append(lines.xy[rows])
         strength.append(lines.strength[rows])
-        kind.append(int(weight.argmax()) if len(parts) > 1 else int(lines.kind[end // 2]))
+        hard = np.where(_SOFT, 0.0, weight)
+        kind.append(int((hard if 3.0 * hard.sum() > weight.sum() else weight).argmax()))
         closed.append(bool(lines.closed[end // 2]) or (ring and len(rows) > 4))
     offsets = np.r_[0, np.cumsum([len(p) for p in xy])]
     return _even(np.concatenate(xy), np.concatenate(strength), offsets, np.array(kind), np.array(closed))
@@ -366,89 +377,102 @@ def _drop(lines: _Lines, options: TidyOptions) -> _Lines:
     """Without specks and noise."""
     if not len(lines):
         return lines
-    length, soft = lines.lengths(), _SOFT[lines.kind]
-    of = owner(lines.offsets)
-    attached = _attached(lines)
-    hard_least = np.where(attached > 0, options.attached, options.isolated)
-    short = (length < 30.0) & soft
-    crowd = np.zeros(len(lines))
-    if short.any():
-        rows = np.flatnonzero(short[of])
-        tree = cKDTree(lines.xy[rows])
-        probe = np.flatnonzero(soft[of])[::3]
-        count = tree.query_ball_point(lines.xy[probe], 24.0, return_length=True) * STEP
-        total, hits = (np.bincount(of[probe], w, len(lines)) for w in (count, np.ones(len(probe))))
-        own = np.where(short, np.minimum(length, 24.0), 0.0)
-        crowd = np.maximum(total / np.maximum(hits, 1.0) - own, 0.0)
+    length = lines.lengths()
+    attached = _near_others(lines, 6.0).reshape(-1, 2).sum(axis=1) * ~lines.closed
+    crease = (lines.kind == _CREASE) & (length < options.long_crease)
+    soft = _SOFT[lines.kind] | (crease & (attached < 2))
+    crowd = _crowd(lines, (length < 30.0) & (_SOFT[lines.kind] | crease), soft)
     need = options.soft * (1.0 + crowd / max(options.crowd, 1e-9))
-    weight = length * lines.mean_strength()
-    enough = np.where(soft, (weight >= need) & (length >= 10.0), length >= hard_least)
+    least = np.array([options.isolated, options.attached * 1.4, options.attached])[attached]
+    enough = np.where(soft, length * lines.mean_strength() >= need, length >= least)
     return lines.take(enough & (length >= options.speck))
 
 
-def _attached(lines: _Lines) -> np.ndarray:
-    """How many ends of each curve (0, 1, 2) lie within 6 px of another curve; a closed one has no end, 0."""
+def _crowd(lines: _Lines, short: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Length of other `short` lines (C,) within 24 px of a point of each `asked` line (C,), on average; (C,), px."""
+    of = owner(lines.offsets)
+    rows, probe = np.flatnonzero(short[of]), np.flatnonzero(asked[of])[::3]
+    if not len(rows) or not len(probe):
+        return np.zeros(len(lines))
+    count = cKDTree(lines.xy[rows]).query_ball_point(lines.xy[probe], 24.0, return_length=True) * STEP
+    hits = np.bincount(of[probe], minlength=len(lines))
+    mean = np.bincount(of[probe], count, len(lines)) / np.maximum(hits, 1)
+    return np.maximum(mean - np.where(short, np.minimum(lines.lengths(), 24.0), 0.0), 0.0)
+
+
+def _near_others(lines: _Lines, radius: float) -> np.ndarray:
+    """Whether each end, start then end of every curve, lies within `radius` px of another curve, (2C,)."""
     tip, _ = _ends(lines)
     tree, of = cKDTree(lines.xy), owner(lines.offsets)
-    # the 16 nearest points within 6 px of a tip are its own 7 at most when the curve is straight, others after that
-    distance, nearest = tree.query(tip, k=min(16, len(lines.xy)), distance_upper_bound=6.0)
+    # a curve has hardly more than 2 radius points of its own so near to its tip; the next nearest are others
+    k = min(int(2.0 * radius / STEP) + 4, len(lines.xy))
+    distance, nearest = tree.query(tip, k=k, distance_upper_bound=radius)
     distance, nearest = distance.reshape(len(tip), -1), nearest.reshape(len(tip), -1)
-    other = (distance < np.inf) & (of[np.minimum(nearest, len(of) - 1)] != (np.arange(len(tip)) // 2)[:, None])
-    return other.any(axis=1).reshape(-1, 2).sum(axis=1) * ~lines.closed
+    other = of[np.minimum(nearest, len(of) - 1)] != (np.arange(len(tip)) // 2)[:, None]
+    return ((distance < np.inf) & other).any(axis=1)
 
 
 # -------------------------------------------------------------------------------------------- splitting, smoothing
 
 
-def _split(lines: _Lines, options: TidyOptions) -> _Lines:
-    """Cut at corners; smooth closed curves start at their topmost point."""
+def _split(lines: _Lines, corner: float, reach: int, apart: int, steady: bool) -> _Lines:
+    """Cut at corners of more than `corner` degrees within `reach` points either side, at least `apart` points from each
+    other and from the ends. `steady`: not where the stroke turns back soon after.
+
+    Closed curves without a corner start at their topmost point, the leftmost of them; others are cut at the corners.
+    """
     if not len(lines):
         return lines
-    xy, strength, kind, closed = [], [], [], []
-    reach = 6
-    for c in range(len(lines)):
-        rows = np.arange(lines.offsets[c], lines.offsets[c + 1])
-        is_closed = bool(lines.closed[c]) and len(rows) > 4
-        if is_closed:
-            p = lines.xy[rows[:-1]]
-            top = int(np.lexsort((p[:, 0], p[:, 1]))[0])
-            rows = np.r_[np.roll(rows[:-1], -top), rows[top]]
-        corners = _corners(lines.xy[rows], is_closed, reach, options.corner)
-        if is_closed and len(corners):
-            rows = np.r_[np.roll(rows[:-1], -corners[0]), rows[corners[0]]]
-            corners = corners[1:] - corners[0]
-        stops = np.r_[0, corners, len(rows) - 1]
-        for a, b in zip(stops[:-1], stops[1:], strict=True):
-            xy.append(lines.xy[rows[a : b + 1]])
-            strength.append(lines.strength[rows[a : b + 1]])
-            kind.append(int(lines.kind[c]))
-            closed.append(is_closed and len(stops) == 2 and not (len(corners)))
-    offsets = np.r_[0, np.cumsum([len(p) for p in xy])]
-    return _Lines(np.concatenate(xy), np.concatenate(strength), offsets, np.array(kind), np.array(closed))
+    of = owner(lines.offsets)
+    turn = _turns(lines, reach)
+    if steady:
+        turn = np.where(_turns(lines, 2 * reach) > 0.75 * corner, turn, 0.0)
+    along = np.arange(len(lines.xy)) - lines.first[of]
+    count = np.diff(lines.offsets)[of] - 1
+    turn[~lines.closed[of] & (np.minimum(along, count - along) < apart)] = 0.0
+    turn[lines.last[lines.closed]] = 0.0  # the same point as the first
+    cut = np.zeros(len(lines.xy), bool)
+    sharp = np.flatnonzero(turn > corner)
+    for i in sharp[np.lexsort((sharp, -turn[sharp]))]:  # the sharpest of each corner's points
+        lo, hi = i - apart + 1, i + apart
+        if lines.closed[of[i]]:
+            rows = lines.first[of[i]] + np.arange(along[i] - apart + 1, along[i] + apart) % count[i]
+            cut[i] = not cut[rows].any()
+        else:
+            cut[i] = not cut[max(lo, 0) : hi].any()
+
+    order = np.arange(len(lines.xy))
+    open_again = np.zeros(len(lines), bool)
+    for c in np.flatnonzero(lines.closed):
+        rows = order[lines.offsets[c] : lines.offsets[c + 1] - 1]
+        corners = np.flatnonzero(cut[rows])
+        p = lines.xy[rows]
+        start = corners[0] if len(corners) else np.lexsort((p[:, 0], p[:, 1]))[0]
+        rows = np.roll(rows, -start)
+        order[lines.offsets[c] : lines.offsets[c + 1]] = np.r_[rows, rows[0]]
+        open_again[c] = len(corners) > 0
+    cut = cut[order]
+    cut[lines.first] = cut[lines.last] = False
+    rows = np.repeat(np.arange(len(order)), 1 + cut)  # a corner belongs to both strokes
+    starts = np.flatnonzero(np.r_[True, rows[1:] == rows[:-1]] | np.isin(rows, lines.first))
+    parent = of[rows[starts]]
+    rows = order[rows]
+    closed = (lines.closed & ~open_again)[parent]
+    return _Lines(lines.xy[rows], lines.strength[rows], np.r_[starts, len(rows)], lines.kind[parent], closed)
 
 
-def _corners(p: np.ndarray, closed: bool, reach: int, corner: float) -> np.ndarray:
-    """Indices of sharp corners of one polyline (n, 2), at least 8 points from its ends and from each other."""
-    n = len(p)
-    if n < 2 * reach + 5:
-        return np.zeros(0, int)
-    at = np.arange(n - 1 if closed else n)
-    if closed:
-        before, after = p[(at - reach) % (n - 1)], p[(at + reach) % (n - 1)]
-    else:
-        before, after = p[np.maximum(at - reach, 0)], p[np.minimum(at + reach, n - 1)]
-    u, v = p[at] - before, after - p[at]
-    turn = np.degrees(np.abs(np.arctan2(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], np.einsum("ij,ij->i", u, v))))
-    if not closed:
-        turn[:8], turn[-8:] = 0.0, 0.0
-    found = []
-    for i in np.argsort(-turn, kind="stable"):
-        if turn[i] < corner:
-            break
-        gap = [min(abs(i - j), (n - 1 - abs(i - j)) if closed else n) for j in found]
-        if all(g >= 8 for g in gap):
-            found.append(int(i))
-    return np.sort(np.array(found, int))
+def _turns(lines: _Lines, reach: int) -> np.ndarray:
+    """Angle between the chords to `reach` points before and after each point, degrees, (N,); 0 where there are none."""
+    of = owner(lines.offsets)
+    first, last, at = lines.first[of], lines.last[of], np.arange(len(lines.xy))
+    before, after = np.maximum(at - reach, first), np.minimum(at + reach, last)
+    ring = np.flatnonzero(lines.closed[of])
+    size = np.maximum(last - first, 1)[ring]
+    before[ring] = first[ring] + (at[ring] - first[ring] - reach) % size
+    after[ring] = first[ring] + (at[ring] - first[ring] + reach) % size
+    u, v = lines.xy - lines.xy[before], lines.xy[after] - lines.xy
+    cross, dot = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], np.einsum("ij,ij->i", u, v)
+    return np.degrees(np.abs(np.arctan2(cross, dot)))
 
 
 def _smooth(lines: _Lines, options: TidyOptions) -> _Lines:
