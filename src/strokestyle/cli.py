@@ -463,7 +463,7 @@ def _draw(model: str, options: dict, shape: str, output: str) -> str:
 
         torch.set_num_threads(options["threads"])
     style = _style(model, options["device"])
-    from .svg import png_from_svg, save_svg, write_svg
+    from .svg import png_from_svg, write_svg, write_text
 
     views, written = Views(shape, options), []
     for suffix, view in views.turntable(options["turntable"]):
@@ -481,7 +481,7 @@ def _draw(model: str, options: dict, shape: str, output: str) -> str:
             if target == "-":
                 click.echo(text, nl=False)
             else:
-                save_svg(target, text)
+                write_text(target, text)
         if options["png"]:
             from .files import write_bytes
 
@@ -550,7 +550,9 @@ class Views:
         camera = self.camera(turn)
         spacing = self.options.get("spacing") or views.DEFAULT_SPACING
         if self.options.get("curves"):
-            curves = views.load_curves(self.options["curves"], (camera.width, camera.height))
+            from .curve_files import load_curves
+
+            curves = load_curves(self.options["curves"], (camera.width, camera.height))
             with stage("feature maps"):
                 return views.view_of(self.surface, camera, curves, spacing, scene=self.scene)
         surface, scene = self.surface, self.scene
@@ -598,7 +600,7 @@ def _check_outputs(outputs, inputs) -> None:
 
 def _write_view(view, output: str, title: str) -> None:
     from .files import write_bytes
-    from .svg import plain_svg, png_from_svg, save_svg
+    from .svg import plain_svg, png_from_svg, write_text
     from .view import save_view, view_to_json
 
     suffix = ".svg" if output == "-" else Path(output).suffix.lower()
@@ -616,16 +618,17 @@ def _write_view(view, output: str, title: str) -> None:
         elif suffix == ".png":
             write_bytes(output, png_from_svg(text))
         else:
-            save_svg(output, text)
+            write_text(output, text)
 
 
 def _write_png(path: str, image) -> None:
-    """Write (H, W, 3) uint8."""
+    """Write (H, W, 3) in [0, 1]."""
     from PIL import Image
 
     from .files import replace_file
 
-    replace_file(path, lambda name: Image.fromarray(image).save(name, format="PNG", optimize=True))
+    picture = Image.fromarray((image * 255.0 + 0.5).astype("uint8"))
+    replace_file(path, lambda name: picture.save(name, format="PNG", optimize=True))
 
 
 def _count(curves) -> str:
