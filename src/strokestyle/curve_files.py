@@ -1,402 +1,702 @@
-"""Curves drawn by another program, or by hand: .json and .svg files -> Curves. Nothing else is ever read."""
+"""Curves that another program drew, laid on the canvas: the .json of `strokestyle extract`, or any .svg or .svgz.
+
+Files come from anywhere, so nothing in them is followed or expanded: no entity, no reference, no style sheet; what is
+too large, too deep or of too many points is refused.
+"""
 
 from __future__ import annotations
 
-import gzip
 import json
+import math
 import re
-import xml.etree.ElementTree as ET
+import zlib
 from pathlib import Path
 from xml.parsers import expat
 
 import numpy as np
 
-from .curves import KINDS, Curves
+from .curves import KINDS, Curves, owner
 
-LARGEST = 32 * 2**20  # bytes of text, unpacked
-FARTHEST = 1e6  # px: a point beyond is a mistake
-TOLERANCE = 0.05  # px between a Bezier curve and its polyline
-INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
-_UNITS = {"": 1.0, "px": 1.0, "mm": 96 / 25.4, "cm": 96 / 2.54, "in": 96.0, "pt": 96 / 72, "pc": 16.0, "%": np.nan}
-_HIDDEN = {"defs", "clipPath", "mask", "marker", "pattern", "symbol", "metadata"}
-_NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
-_FLAG = re.compile(r"[\s,]*([01])")
-_COMMAND = re.compile(r"[\s,]*([MmLlHhVvCcSsQqTtAaZz])")
-_TRANSFORM = re.compile(r"[\s,]*(matrix|translate|scale|rotate|skewX|skewY)\s*\(([^()]*)\)")
-_ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+MAX_BYTES = 64 * 2**20  # of a file, an .svgz's once decompressed
+MAX_POINTS = 1_000_000
+MAX_CURVES = 100_000
+MAX_ELEMENTS = 500_000
+MAX_DEPTH = 256  # of elements inside one another
+MAX_NUMBER = 1e12  # larger ones are mistakes, and their products leave the range of a float
+SAME_POINT = 1e-6  # px; nearer points are one
+BORDER = 0.5  # px; a frame this near the page's edge is the paper, not a line
+
+Affine = tuple[float, float, float, float, float, float]  # SVG's matrix: x' = a x + c y + e, y' = b x + d y + f
+IDENTITY: Affine = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 
 
-def load_curves(path: str | Path, size: tuple[int, int]) -> Curves:
-    """Read the curves of a .json, .svg or .svgz file onto a canvas of `size` = (width, height) pixels.
+def load_curves(path: str | Path, size: tuple[int, int], tolerance: float = 0.1) -> Curves:
+    """Curves of a .json or .svg file on a canvas of `size` (width, height) pixels.
 
-    JSON: {"size": [w, h], "curves": [[[x, y], ...], ...], "kinds": [name, ...], "closed": [true, ...]}, pixels, of
-    which only "curves" must be there; `strokestyle extract -o FILE.json` writes it. SVG: path, polyline, polygon and
-    line elements that are not hidden, under the transforms of their groups. The kind of a line is named by its own id,
-    Inkscape label or class, or that of a group around it; else it is "other". A file of another size than the canvas is
-    scaled evenly to fit and centred, as an SVG viewer does.
+    The file's page is scaled to the canvas without distortion, and centred where their proportions differ. Curves are
+    neither resampled nor clipped. Curves without two distinct points are left out, and so is an SVG's paper: a closed
+    shape that runs along the page's edge. A curve is closed where its last point is its first.
 
-    Raises OSError where the file cannot be read, ValueError, naming it, where it holds no such curves.
+    A .json file has "curves" [[[x, y], ...], ...] and perhaps "kinds" [name, ...], "closed" [true, ...] and "size"
+    [width, height]; without a size its coordinates are the canvas's pixels. In an .svg file every subpath of path,
+    line, polyline, polygon, rect, circle and ellipse is a curve, of the kind that its own or its nearest ancestor's
+    label, id or class names; of one of our own strokes it is the centre line. Definitions and hidden elements are
+    skipped, and `use` is not followed.
+
+    Parameters
+    ----------
+    size : (width, height) of the canvas, pixels
+    tolerance : pixels of the canvas between a curve and its chords
+
+    Raises
+    ------
+    ValueError
+        on a file that is neither, is damaged, too large or unsafe, or has no usable curve.
+    OSError
+        where the file cannot be read.
     """
     path = Path(path)
-    read = {".json": _from_json, ".svg": _from_svg, ".svgz": _from_svg}.get(path.suffix.lower())
-    if read is None:
-        raise ValueError(f"{path}: curves are read from .json and .svg files, not from {path.suffix or 'this'}")
-    if path.is_dir():
-        raise IsADirectoryError(f"{path}: a folder, not a file of curves")
+    suffix = path.suffix.lower()
+    if suffix not in (".json", ".svg", ".svgz"):
+        found = f"not from {suffix}" if suffix else "and this name has no such ending"
+        raise ValueError(f"{path}: curves are read from a .json or .svg file, {found}")
+    with open(path, "rb") as file:
+        data = file.read(MAX_BYTES + 1)
     try:
-        text = _contents(path)
-        lines, kinds, closed, box, stretch = read(text)
-        if box is not None:
-            matrix = _fit(box, size, stretch)
-            lines = [_apply(matrix, line) for line in lines]
-        return _curves(lines, kinds, closed)
+        if suffix == ".json":
+            return _read_json(_limited(data), size)
+        return _read_svg(_limited(_unzip(data) if data[:2] == b"\x1f\x8b" else data), size, tolerance)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _contents(path: Path) -> bytes:
-    with open(path, "rb") as file:
-        data = file.read(LARGEST + 1)
-    if data[:2] == b"\x1f\x8b":
-        try:
-            with gzip.open(path) as file:
-                data = file.read(LARGEST + 1)
-        except (EOFError, OSError) as error:
-            raise ValueError(f"damaged gzip data ({error})") from None
-    if len(data) > LARGEST:
-        raise ValueError(f"more than {LARGEST // 2**20} MB: too much for a file of curves")
-    if not data.strip():
-        raise ValueError("the file is empty")
+def kind_named(name: str) -> int | None:
+    """Index into KINDS of the kind that a name holds as a word of its own ("layer-contour", "Creases"), or None.
+
+    "suggestive contours" are suggestive: the words that qualify another kind are sought first.
+    """
+    words = [word.lower() for word in re.findall("[A-Z]?[a-z]+|[A-Z]+", name[:200])]
+    singular = {re.sub("s$", "", re.sub("ies$", "y", word)) for word in words}
+    for kind in ("suggestive", "apparent", *KINDS):
+        if kind in singular:
+            return KINDS.index(kind)
+    return None
+
+
+def _limited(data: bytes) -> bytes:
+    if len(data) > MAX_BYTES:
+        raise ValueError(
+            f"larger than {MAX_BYTES // 2**20} MB: simplify the curves, or take images out, and save again"
+        )
     return data
 
 
-def _curves(lines, kinds, closed) -> Curves:
-    kept = [i for i, line in enumerate(lines) if len(line) > 1 and np.ptp(line, axis=0).max() > 1e-9]
-    if not kept:
-        raise ValueError("no curves in it")
-    out = []
-    for i in kept:
-        line = lines[i]
-        if not np.isfinite(line).all() or np.abs(line).max() > FARTHEST:
-            raise ValueError(f"curve {i + 1} has a point more than {FARTHEST:g} px away, or none that is a number")
-        ring = closed[i] and len(line) > 2
-        out.append(np.concatenate([line, line[:1]]) if ring and not np.array_equal(line[0], line[-1]) else line)
-    rings = [closed[i] and len(line) > 3 for i, line in zip(kept, out, strict=True)]
-    return Curves.from_list(out, [KINDS.index(kinds[i]) for i in kept], rings)
-
-
-def _kind(name) -> str | None:
-    """ "layer-contour", "Contours" and "contour" -> "contour"; None for what is not a kind."""
-    name = str(name).strip().lower().removeprefix("layer-").replace(" contour", "").replace(" ridge", "")
-    return next((kind for kind in KINDS if name in (kind, kind + "s")), {"valleys": "valley"}.get(name))
-
-
-def _fit(box, size, stretch: bool = False) -> np.ndarray:
-    """The affine map (2, 3) of a box (x, y, w, h) into the canvas."""
-    scale = np.array([size[0] / box[2], size[1] / box[3]])
-    if not stretch:
-        scale[:] = scale.min()
-    shift = 0.5 * np.array(size) - scale * (np.array(box[:2]) + 0.5 * np.array(box[2:]))
-    return np.array([[scale[0], 0.0, shift[0]], [0.0, scale[1], shift[1]]])
-
-
-def _apply(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    return points @ matrix[:, :2].T + matrix[:, 2]
-
-
-# ----------------------------------------------------------------------------------------------------------- JSON
-
-
-def _from_json(text: bytes):
+def _unzip(data: bytes) -> bytes:
+    unpack = zlib.decompressobj(wbits=31)
     try:
-        data = json.loads(text.decode("utf-8-sig"))
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise ValueError(f"not JSON ({error})") from None
-    if not isinstance(data, dict) or not isinstance(data.get("curves"), list):
-        raise ValueError('expected a JSON object with "curves": [[[x, y], ...], ...]')
-    lines = []
-    for i, line in enumerate(data["curves"]):
-        try:
-            points = np.array(line, np.float64)
-        except (TypeError, ValueError, OverflowError):
-            points = np.zeros(0)
-        if points.ndim != 2 or points.shape[1] != 2:
-            raise ValueError(f"curve {i + 1} is not a list of [x, y] points")
-        lines.append(points)
-    kinds, closed = data.get("kinds"), data.get("closed")
-    for name, value in (("kinds", kinds), ("closed", closed)):
-        if value is not None and not (isinstance(value, list) and len(value) == len(lines)):
-            raise ValueError(f'"{name}" must be a list as long as "curves" ({len(lines)})')
-    kinds = [_kind(name) or "other" for name in kinds] if kinds else ["other"] * len(lines)
-    if closed is None:
-        closed = [len(line) > 3 and np.array_equal(line[0], line[-1]) for line in lines]
-    size = data.get("size")
-    if size is None:
-        return lines, kinds, closed, None, False
+        text = unpack.decompress(data, MAX_BYTES + 1)
+    except zlib.error as error:
+        raise ValueError(f"damaged gzip data ({error}); save it again, as .svg") from None
+    if len(text) <= MAX_BYTES and not unpack.eof:
+        raise ValueError("its gzip data end early: the file is cut short; save it again, as .svg")
+    return text
+
+
+def _finish(xy: np.ndarray, offsets: np.ndarray, kind: np.ndarray, closed: np.ndarray | None = None) -> Curves:
+    """Curves without repeated points and without those that are but a point; `closed` None: where the ends meet."""
+    which = owner(offsets)
+    keep = np.ones(len(xy), bool)
+    keep[1:] = (np.abs(np.diff(xy, axis=0)) > SAME_POINT).any(axis=1) | (which[1:] != which[:-1])
+    count = np.bincount(which[keep], minlength=len(offsets) - 1)
+    keep &= (count >= 2)[which]
+    usable = np.flatnonzero(count >= 2)
+    if not len(usable):
+        raise ValueError(f"no usable curve in it: none of {len(count)} has two distinct points")
+    xy, offsets = xy[keep], np.r_[0, np.cumsum(count[usable])]
+    start, end = offsets[:-1], offsets[1:] - 1
+    meet = (np.abs(xy[start] - xy[end]) <= SAME_POINT).all(axis=1) & (end - start >= 3)
+    if closed is not None:
+        meet &= closed[usable]
+    xy[end[meet]] = xy[start[meet]]
+    return Curves(xy, offsets, kind[usable], meet)
+
+
+# ---------------------------------------------------------------------------------------------------------- JSON
+
+
+def _read_json(data: bytes, size: tuple[int, int]) -> Curves:
+    wanted = '"curves": [[[x, y], ...], ...]'
     try:
-        box = (0.0, 0.0, *(float(value) for value in size))
-    except (TypeError, ValueError):
-        box = ()
-    if len(box) != 4 or not (np.isfinite(box).all() and min(box[2:]) > 0):
-        raise ValueError(f'"size" must be [width, height] in pixels, got {str(size)[:40]}')
-    return lines, kinds, closed, box, False
+        content = json.loads(data)
+    except RecursionError:
+        raise ValueError(f"its lists are nested too deep; a file of curves is a JSON object with {wanted}") from None
+    except ValueError as error:  # JSONDecodeError, UnicodeDecodeError, a number of too many digits
+        raise ValueError(f"not a file of curves (JSON expected: {error})") from None
+    if not isinstance(content, dict) or "curves" not in content:
+        found = _keys(content) if isinstance(content, dict) else _a(content)
+        raise ValueError(f"no curves in it, but {found}; a file of curves is a JSON object with {wanted}")
+    lines = content["curves"]
+    if not isinstance(lines, list):
+        raise ValueError(f'"curves" must be a list of lists of points, {wanted}; got {_a(lines)}')
+    if len(lines) > MAX_CURVES:
+        raise ValueError(f"{len(lines)} curves are more than {MAX_CURVES}: simplify them first")
+    lines = [_points(line, i) for i, line in enumerate(lines)]
+
+    kinds = content.get("kinds")
+    if kinds is None:
+        kinds = ["other"] * len(lines)
+    if not isinstance(kinds, list) or len(kinds) != len(lines) or not all(isinstance(kind, str) for kind in kinds):
+        found = f"a list of {len(kinds)}" if isinstance(kinds, list) else _a(kinds)
+        raise ValueError(f'"kinds" must be a list of names, one for each of the {len(lines)} curves; got {found}')
+    other = KINDS.index("other")
+    kind = np.array([other if (k := kind_named(name)) is None else k for name in kinds], np.int64)
+
+    closed = content.get("closed")
+    if closed is not None:
+        if not isinstance(closed, list) or len(closed) != len(lines) or not all(isinstance(c, bool) for c in closed):
+            raise ValueError(f'"closed" must be a list of true and false, one for each of the {len(lines)} curves')
+        # other programs leave out the point that closes a curve: it is our convention that repeats it
+        lines = [
+            np.concatenate([line, line[:1]]) if c and len(line) > 2 and (line[0] != line[-1]).any() else line
+            for line, c in zip(lines, closed, strict=True)
+        ]
+        closed = np.array(closed, bool)
+
+    counts = np.array([len(line) for line in lines], np.int64)
+    if counts.sum() > MAX_POINTS:
+        raise ValueError(f"{counts.sum()} points are more than {MAX_POINTS}: simplify the curves first")
+    a, _, _, d, e, f = _fit((0.0, 0.0, *_json_size(content.get("size"), size)), (0.0, 0.0, *size))
+    xy = np.concatenate([np.zeros((0, 2)), *lines]) * (a, d) + (e, f)
+    return _finish(xy, np.r_[0, np.cumsum(counts)], kind, closed)
 
 
-# ------------------------------------------------------------------------------------------------------------ SVG
-
-
-def _from_svg(text: bytes):
-    _refuse_entities(text)
+def _points(line, i: int) -> np.ndarray:
+    """One curve of a JSON file, (n, 2)."""
     try:
-        root = ET.fromstring(text)
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise ValueError(f"not SVG ({error})") from None
-    if _tag(root) != "svg":
-        raise ValueError(f"not SVG: the document is a <{_tag(root)[:40]}>")
-    lines, kinds, closed = [], [], []
-    identity = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    box = _view_box(root)
-    stretch = root.get("preserveAspectRatio", "").strip().startswith("none")
-    stack = [(root, identity, "other")]
-    while stack:
-        element, matrix, kind = stack.pop()
-        name = _tag(element)
-        style = element.get("style", "").replace(" ", "")
-        if name in _HIDDEN or element.get("display") == "none" or "display:none" in style:
-            continue
-        names = [element.get("id", ""), element.get(INKSCAPE + "label", ""), *element.get("class", "").split()]
-        kind = next((found for found in map(_kind, names) if found), kind)
-        if name == "svg" and element is not root:
-            matrix = _compose(matrix, _nested(element))
-        if element.get("transform"):
-            matrix = _compose(matrix, _transform(element.get("transform")))
-        for points, ring in _element_lines(name, element, matrix):
-            lines.append(points)
-            kinds.append(kind)
-            closed.append(ring)
-        stack.extend((child, matrix, kind) for child in reversed(element))
-    return lines, kinds, closed, box, stretch
+        points = np.asarray(line)
+    except (ValueError, OverflowError):  # ragged
+        points = np.zeros(0, object)
+    if isinstance(line, list) and not line:
+        return np.zeros((0, 2))
+    if points.dtype.kind not in "iuf" or points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"curve {i} must be a list of points [x, y], each two numbers in pixels")
+    points = points.astype(np.float64)
+    bad = ~(np.abs(points) <= MAX_NUMBER).all(axis=1)
+    if bad.any():
+        k = int(bad.argmax())
+        raise ValueError(f"curve {i}, point {k} is {points[k].tolist()}: coordinates must be finite, in pixels")
+    return points
 
 
-def _refuse_entities(text: bytes) -> None:
-    """A plain DOCTYPE is harmless; one that declares entities is how small files grow without end."""
+def _json_size(found, canvas: tuple[int, int]) -> tuple[float, float]:
+    if found is None:
+        return canvas
+    numbers = isinstance(found, list) and all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in found)
+    if not (numbers and len(found) == 2 and all(1 / MAX_NUMBER <= v <= MAX_NUMBER for v in found)):
+        raise ValueError(f'"size" must be [width, height] in pixels, both above 0; got {json.dumps(found)[:60]}')
+    return float(found[0]), float(found[1])
 
-    def refuse(*_):
-        raise ValueError("it declares XML entities, which are not read; save it as plain SVG")
 
-    parser = expat.ParserCreate()
-    parser.EntityDeclHandler = refuse
+def _a(value) -> str:
+    names = {dict: "an object", list: "a list", str: "a text", bool: "true or false", type(None): "null"}
+    return names.get(type(value), "a number")
+
+
+def _keys(content: dict) -> str:
+    names = ", ".join(json.dumps(key)[:30] for key in list(content)[:4])
+    return "an empty object" if not content else f"an object with {names}{', ...' * (len(content) > 4)}"
+
+
+# ----------------------------------------------------------------------------------------------------------- SVG
+
+SVG_NAMESPACE = "http://www.w3.org/2000/svg"
+LABEL = "http://www.inkscape.org/namespaces/inkscape}label"
+SHAPES = ("path", "line", "polyline", "polygon", "rect", "circle", "ellipse")
+GROUPS = ("svg", "g", "a", "switch")  # what is in any other element is not drawn, or is no line
+UNSAFE = 'it declares a document type or entities ("<!DOCTYPE", "<!ENTITY"); take that out, or save it as plain SVG'
+
+
+def _read_svg(data: bytes, size: tuple[int, int], tolerance: float) -> Curves:
+    # every other byte of UTF-16 is NUL; the parser's own handlers refuse what this first look may not see
+    text = (data.replace(b"\0", b"") if b"\0" in data else data).lower()
+    if b"<!doctype" in text or b"<!entity" in text:
+        raise ValueError(UNSAFE)
+    reader = _SvgReader(size)
     try:
-        parser.Parse(text, True)
+        reader.parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise ValueError(f"not SVG ({error})") from None
+        raise ValueError(f"not an SVG file (XML expected: {error})") from None
+    except LookupError as error:  # an encoding that Python does not know
+        raise ValueError(f"not an SVG file ({error}); save it as UTF-8") from None
+    if not reader.segments:
+        raise ValueError(f"no usable curve in it: no visible {', '.join(SHAPES[:-1])} or {SHAPES[-1]}")
+    offsets = np.r_[0, np.cumsum([len(cubics) for cubics in reader.segments])]
+    xy, offsets = flatten(np.concatenate(reader.segments), offsets, tolerance)
+    return _finish(xy, offsets, np.array(reader.kinds))
 
 
-def _tag(element) -> str:
-    return element.tag.rsplit("}", 1)[-1] if isinstance(element.tag, str) else ""
+class _SvgReader:
+    """Collects the shapes of a document as expat walks it; no tree is built.
+
+    One entry a subpath: `segments`, cubics (S, 4, 2) in pixels of the canvas, and `kinds`.
+    """
+
+    def __init__(self, size: tuple[int, int]):
+        self.canvas = (0.0, 0.0, float(size[0]), float(size[1]))
+        self.page = self.canvas
+        self.segments: list[np.ndarray] = []
+        self.kinds: list[int] = []
+        self.points = self.elements = 0
+        # of each open element: matrix to the canvas, kind, visible?, (width, height) that percentages refer to;
+        # None where nothing inside is drawn
+        self.stack: list[tuple[Affine, int, bool, tuple[float, float]] | None] = []
+        self.parser = expat.ParserCreate(namespace_separator="}")
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.StartDoctypeDeclHandler = self.parser.EntityDeclHandler = self.refuse
+
+    def refuse(self, *_):
+        raise ValueError(UNSAFE)
+
+    def end(self, _):
+        self.stack.pop()
+
+    def start(self, name: str, attributes: dict[str, str]):
+        self.elements += 1
+        if self.elements > MAX_ELEMENTS or len(self.stack) >= MAX_DEPTH:
+            raise ValueError(f"more than {MAX_ELEMENTS} elements, or {MAX_DEPTH} inside one another: simplify it first")
+        namespace, _, tag = name.rpartition("}")
+        drawn = namespace in ("", SVG_NAMESPACE)
+        if not self.stack and not (drawn and tag == "svg"):
+            raise ValueError(f"not an SVG file: its first element is <{_quoted(tag)}>; save the drawing as .svg")
+        if not drawn or (self.stack and self.stack[-1] is None):
+            self.stack.append(None)
+            return
+        try:
+            self.stack.append(self.enter(tag, attributes))
+        except ValueError as error:
+            which = f' id="{_quoted(attributes["id"])}"' if "id" in attributes else ""
+            raise ValueError(f"line {self.parser.CurrentLineNumber}, <{tag}{which}>: {error}") from None
+
+    def enter(self, tag: str, attributes: dict[str, str]):
+        """The stack's entry for an element; the curves of a shape are added."""
+        root = not self.stack
+        shape = tag in SHAPES or "data-ss-path" in attributes
+        style = attributes.get("style", "")
+        if _property("display", style, attributes) == "none" or not (shape or tag in GROUPS):
+            return None
+        matrix, kind, visible, view = (IDENTITY, KINDS.index("other"), True, (0.0, 0.0)) if root else self.stack[-1]
+        visibility = _property("visibility", style, attributes)
+        visible = visible if visibility in ("", "inherit") else visibility == "visible"
+        for key in ("data-ss-class", LABEL, "id", "class"):
+            if (named := kind_named(attributes.get(key, ""))) is not None:
+                kind = named
+                break
+        matrix = _compose(matrix, parse_transform(attributes.get("transform", "")))
+        if shape:
+            if visible:
+                self.add(tag, attributes, matrix, kind, view)
+            return None
+        if tag == "svg":
+            matrix, view = self.viewport(attributes, matrix, view, root)
+        return matrix, kind, visible, view
+
+    def viewport(self, attributes, matrix: Affine, view: tuple[float, float], root: bool):
+        """Matrix of what is inside an svg element, and the (width, height) that its percentages refer to."""
+        box = _numbers(attributes["viewBox"], "viewBox") if "viewBox" in attributes else None
+        if box is not None and (len(box) != 4 or min(box[2:]) < 1 / MAX_NUMBER):
+            raise ValueError("viewBox must be four numbers, x y width height, the last two above 0")
+        if root:
+            width, height = _page_length(attributes, "width"), _page_length(attributes, "height")
+            if width is None or height is None:  # as the 100% that browsers are given
+                width, height = self.canvas[2:]
+            x, y = 0.0, 0.0
+            matrix = _compose(_fit((0.0, 0.0, width, height), self.canvas), matrix)  # the page on the canvas
+        else:
+            x, y, width, height = (
+                _length(attributes.get(key, default), key, whole)
+                for key, default, whole in zip(
+                    ("x", "y", "width", "height"), "0 0 100% 100%".split(), view * 2, strict=True
+                )
+            )
+            if min(width, height) < 1 / MAX_NUMBER:
+                raise ValueError("the width and height of an svg element must be above 0")
+        align = attributes.get("preserveAspectRatio", "")
+        inner = _fit(box, (x, y, width, height), align) if box else (1.0, 0.0, 0.0, 1.0, x, y)
+        matrix = _compose(matrix, inner)
+        if root:
+            left, top, across, down = box or (0.0, 0.0, width, height)
+            (x0, y0), (x1, y1) = _transform(matrix, np.array([[left, top], [left + across, top + down]])).tolist()
+            self.page = (min(x0, x1), min(y0, y1), abs(x1 - x0), abs(y1 - y0))
+        return matrix, tuple(box[2:]) if box else (width, height)
+
+    def add(self, tag: str, attributes, matrix: Affine, kind: int, view: tuple[float, float]):
+        if "data-ss-path" in attributes:  # a stroke that we wrote: its outline is not its line
+            subpaths = parse_path(attributes["data-ss-path"], name="data-ss-path")
+        elif tag == "path":
+            subpaths = parse_path(attributes.get("d", ""))
+        elif tag in ("polyline", "polygon"):
+            points = attributes.get("points", "")
+            close = "Z" if tag == "polygon" and points.strip(SPACE) else ""
+            subpaths = parse_path(points + close, command="M", name="points")
+        else:
+            subpaths = parse_path(_shape_path(tag, attributes, view))
+        for cubics in subpaths:
+            self.points += len(cubics)
+            if self.points > MAX_POINTS or len(self.segments) >= MAX_CURVES:
+                raise ValueError(f"more than {MAX_POINTS} points or {MAX_CURVES} curves: simplify the drawing first")
+            cubics = _transform(matrix, cubics)
+            if not self.is_paper(cubics):
+                self.segments.append(cubics)
+                self.kinds.append(kind)
+
+    def is_paper(self, cubics: np.ndarray) -> bool:
+        """A closed shape none of whose segments comes inside the page: the background, or an export's bounding box."""
+        if (np.abs(cubics[0, 0] - cubics[-1, 3]) > SAME_POINT).any():
+            return False
+        low = np.array(self.page[:2])
+        high = low + self.page[2:]
+        outside = (cubics <= low + BORDER).all(axis=1) | (cubics >= high - BORDER).all(axis=1)  # (S, 2)
+        return bool(outside.any(axis=1).all())
 
 
-def _length(text: str | None) -> float | None:
-    """A length in px; None where there is none, or it is relative."""
-    match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(px|mm|cm|in|pt|pc|%|)\s*", text or "")
-    if match is None:
-        return None
-    value = float(match[1]) * _UNITS[match[2]]
-    return value if np.isfinite(value) else None
+def _quoted(text: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in text[:40])
 
 
-def _numbers(text: str, what: str) -> list[float]:
-    values, at = [], 0
-    while match := _NUMBER.match(text, at):
-        values.append(float(match[1]))
+def _property(name: str, style: str, attributes: dict[str, str]) -> str:
+    """A CSS property of the style attribute, else the attribute of that name, else ""."""
+    found = re.findall(rf"(?:^|;)\s*{name}\s*:([^;!]*)", style)
+    return (found[-1] if found else attributes.get(name, "")).strip().lower()
+
+
+# ---------------------------------------------------------------------------------------- lengths and transforms
+
+SPACE = " \t\r\n\f"
+UNITS = {"": 1.0, "px": 1.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4, "q": 96 / 101.6, "pt": 96 / 72, "pc": 16.0}
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_NEXT_NUMBER = re.compile(rf"[{SPACE}]*(?:,[{SPACE}]*)?({_NUMBER})")
+_NEXT_FLAG = re.compile(rf"[{SPACE}]*(?:,[{SPACE}]*)?([01])")
+_LENGTH = re.compile(rf"({_NUMBER})([a-zA-Z]*|%)")
+_FUNCTION = re.compile(rf"[{SPACE},]*([a-zA-Z]+)[{SPACE}]*\(([^()]*)\)")
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= MAX_NUMBER:
+        raise ValueError(f"the number {_quoted(text)} is too large to be a place in a drawing")
+    return value
+
+
+def _numbers(text: str, name: str) -> list[float]:
+    """The numbers, at most eight, of an attribute."""
+    text, values, at = text.rstrip(SPACE), [], 0
+    while at < len(text):
+        match = _NEXT_NUMBER.match(text, at)
+        if not match or len(values) >= 8:
+            raise ValueError(f'bad {name} "{_quoted(text)}": expected numbers')
+        values.append(_number(match[1]))
         at = match.end()
-    if text[at:].strip(" \t\r\n,"):
-        raise ValueError(f"{what}: {text[at : at + 20].strip()!r} is not a number")
     return values
 
 
-def _view_box(element) -> tuple[float, float, float, float] | None:
-    if element.get("viewBox"):
-        box = _numbers(element.get("viewBox"), "viewBox")
-        if len(box) != 4 or not min(box[2:]) > 0:
-            raise ValueError(f"viewBox must be four numbers with a size, got {element.get('viewBox')[:40]!r}")
-        return tuple(box)
-    width, height = _length(element.get("width")), _length(element.get("height"))
-    return (0.0, 0.0, width, height) if width and height and min(width, height) > 0 else None
+def _length(text: str, name: str, whole: float) -> float:
+    """A length in CSS pixels; a percentage is of `whole`."""
+    match = _LENGTH.fullmatch(text.strip(SPACE))
+    if match and match[2] == "%":
+        return _number(match[1]) * whole / 100.0
+    if not match or match[2].lower() not in UNITS:
+        raise ValueError(f'{name}="{_quoted(text)}" is no length; use a number, or one in px, mm, cm, in, pt or %')
+    return _number(match[1]) * UNITS[match[2].lower()]
 
 
-def _nested(element) -> np.ndarray:
-    """The map of an <svg> inside an <svg>."""
-    x, y = _length(element.get("x")) or 0.0, _length(element.get("y")) or 0.0
-    shift = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
-    width, height = _length(element.get("width")), _length(element.get("height"))
-    if element.get("viewBox") and width and height and min(width, height) > 0:
-        stretch = element.get("preserveAspectRatio", "").strip().startswith("none")
-        return _compose(shift, _fit(_view_box(element), (width, height), stretch))
-    return shift
+def _page_length(attributes, name: str) -> float | None:
+    """Width or height of the page, CSS pixels; None where it depends on the viewer's window."""
+    text = attributes.get(name, "auto").strip(SPACE)
+    if text == "auto" or text.endswith("%"):
+        return None
+    value = _length(text, name, 0.0)
+    if value < 1 / MAX_NUMBER:
+        raise ValueError(f'{name}="{_quoted(text)}": the page needs a width and height above 0')
+    return value
 
 
-def _compose(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
-    return np.concatenate([outer[:, :2] @ inner[:, :2], (outer[:, :2] @ inner[:, 2] + outer[:, 2])[:, None]], axis=1)
+def _fit(box, into, align: str = "") -> Affine:
+    """The box (x, y, width, height) laid into another, after SVG's preserveAspectRatio; default: whole and centred."""
+    (x, y, width, height), (to_x, to_y, to_width, to_height) = box, into
+    sx, sy = to_width / width, to_height / height
+    words = align.split() or ["xMidYMid"]
+    if words[0] == "none":
+        return (sx, 0.0, 0.0, sy, to_x - sx * x, to_y - sy * y)
+    match = re.fullmatch("x(Min|Mid|Max)Y(Min|Mid|Max)", words[0])
+    if not match:
+        raise ValueError(f'bad preserveAspectRatio "{_quoted(align)}": expected none, or for instance xMidYMid meet')
+    scale = max(sx, sy) if words[1:] == ["slice"] else min(sx, sy)
+    share_x, share_y = ({"Min": 0.0, "Mid": 0.5, "Max": 1.0}[word] for word in match.groups())
+    left, top = to_x + share_x * (to_width - scale * width), to_y + share_y * (to_height - scale * height)
+    return (scale, 0.0, 0.0, scale, left - scale * x, top - scale * y)
 
 
-def _transform(text: str) -> np.ndarray:
-    matrix, at = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), 0
-    while match := _TRANSFORM.match(text, at):
+def parse_transform(text: str) -> Affine:
+    """An SVG transform list as one matrix (a, b, c, d, e, f). Raises ValueError."""
+    matrix, text, at = IDENTITY, text.rstrip(SPACE), 0
+    while at < len(text):
+        match = _FUNCTION.match(text, at)
+        if not match:
+            raise ValueError(f'bad transform at character {at + 1}, "{_quoted(text[at : at + 20])}"')
         at = match.end()
-        name, a = match[1], _numbers(match[2], f"transform {match[1]}")
-        allowed = {"matrix": (6,), "translate": (1, 2), "scale": (1, 2), "rotate": (1, 3), "skewX": (1,), "skewY": (1,)}
-        if len(a) not in allowed[name]:
-            raise ValueError(f"transform {name} takes {' or '.join(map(str, allowed[name]))} numbers, got {len(a)}")
-        if name == "matrix":
-            step = np.array([[a[0], a[2], a[4]], [a[1], a[3], a[5]]])
-        elif name == "translate":
-            step = np.array([[1.0, 0.0, a[0]], [0.0, 1.0, a[1] if len(a) > 1 else 0.0]])
-        elif name == "scale":
-            step = np.array([[a[0], 0.0, 0.0], [0.0, a[-1], 0.0]])
-        elif name == "rotate":
-            c, s = np.cos(np.radians(a[0])), np.sin(np.radians(a[0]))
-            x, y = a[1:] if len(a) > 1 else (0.0, 0.0)
-            step = np.array([[c, -s, x - c * x + s * y], [s, c, y - s * x - c * y]])
-        else:
-            t = np.tan(np.radians(a[0]))
-            step = np.array([[1.0, t, 0.0], [0.0, 1.0, 0.0]] if name == "skewX" else [[1.0, 0.0, 0.0], [t, 1.0, 0.0]])
-        matrix = _compose(matrix, step)
-    if text[at:].strip(" \t\r\n,") not in ("", "none"):
-        raise ValueError(f"transform {text[at : at + 30].strip()!r} is not understood")
+        matrix = _compose(matrix, _function(match[1], _numbers(match[2], "transform")))
     return matrix
 
 
-def _element_lines(name: str, element, matrix: np.ndarray):
-    """[(points (n, 2), closed), ...] of one element, in the coordinates of the page."""
-    if name == "path":
-        return [(_flatten(_apply(matrix, beziers)), ring) for beziers, ring in _path(element.get("d", ""))]
-    if name == "line":
-        ends = [_length(element.get(key, "0")) or 0.0 for key in ("x1", "y1", "x2", "y2")]
-        return [(_apply(matrix, np.array(ends).reshape(2, 2)), False)]
-    if name in ("polyline", "polygon"):
-        values = _numbers(element.get("points", ""), name)
-        points = np.array(values[: len(values) // 2 * 2]).reshape(-1, 2)
-        ring = name == "polygon" or (len(points) > 3 and np.array_equal(points[0], points[-1]))
-        return [(_apply(matrix, points), ring)] if len(points) else []
-    return []
+def _function(name: str, v: list[float]) -> Affine:
+    match name, len(v):
+        case "matrix", 6:
+            return tuple(v)
+        case "translate", 1 | 2:
+            return (1.0, 0.0, 0.0, 1.0, v[0], v[1] if len(v) == 2 else 0.0)
+        case "scale", 1 | 2:
+            return (v[0], 0.0, 0.0, v[-1], 0.0, 0.0)
+        case "rotate", 1 | 3:
+            cos, sin = math.cos(math.radians(v[0])), math.sin(math.radians(v[0]))
+            x, y = v[1:] or (0.0, 0.0)
+            return (cos, sin, -sin, cos, x - cos * x + sin * y, y - sin * x - cos * y)
+        case "skewX", 1:
+            return (1.0, 0.0, math.tan(math.radians(v[0])), 1.0, 0.0, 0.0)
+        case "skewY", 1:
+            return (1.0, math.tan(math.radians(v[0])), 0.0, 1.0, 0.0, 0.0)
+    raise ValueError(
+        f"transform {_quoted(name)} with {len(v)} numbers: expected matrix (6), translate (1 or 2), scale (1 or 2), "
+        "rotate (1 or 3), skewX (1) or skewY (1)"
+    )
 
 
-def _path(d: str) -> list[tuple[np.ndarray, bool]]:
-    """Path data -> [(control points (1 + 3 n, 2) of n cubic Beziers, closed), ...], one per subpath (SVG 2, ch. 9)."""
-    done, current = [], []
-    start = here = np.zeros(2)
-    control, before, command, at = here, "", "", 0
+def _compose(outer: Affine, inner: Affine) -> Affine:
+    """The matrix that applies `inner`, then `outer`."""
+    a, b, c, d, e, f = outer
+    p, q, r, s, t, u = inner
+    made = (a * p + c * q, b * p + d * q, a * r + c * s, b * r + d * s, a * t + c * u + e, b * t + d * u + f)
+    if not all(abs(value) <= MAX_NUMBER**2 for value in made):
+        raise ValueError("its transforms together are too large to be a place in a drawing")
+    return made
 
-    def finish(ring):
-        if len(current) > 1:
-            done.append((np.array(current), ring))
-        current.clear()
 
-    def cubic(*points):
-        if not current:
-            current.append(here)
-        current.extend(points)
+def _transform(matrix: Affine, points: np.ndarray) -> np.ndarray:
+    # element by element, not by a matrix product: equal points stay equal to the last bit, so that loops stay closed
+    a, b, c, d, e, f = matrix
+    x, y = points[..., 0], points[..., 1]
+    return np.stack([a * x + c * y + e, b * x + d * y + f], axis=-1)
+
+
+# ------------------------------------------------------------------------------------------------------ path data
+
+ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+
+
+def parse_path(data: str, command: str = "", name: str = "d") -> list[np.ndarray]:
+    """SVG path data as cubics, one array (S, 4, 2) a subpath: all commands, all of the number syntax.
+
+    A line is a cubic with evenly spaced controls. Subpaths that draw nothing are left out; "Z" adds the segment home.
+
+    Parameters
+    ----------
+    command : the command in force before the first; "M" reads a list of points
+    name : of the attribute, for the message
+
+    Raises
+    ------
+    ValueError
+        on bad syntax, with the place.
+    """
+    data = data.rstrip(SPACE)
+    if data.strip(SPACE) == "none":
+        return []
+    subpaths: list[np.ndarray] = []
+    cubics: list[tuple[float, ...]] = []  # of the current subpath: x1, y1, x2, y2, x, y
+    x = y = begin_x = begin_y = 0.0
+    control = None  # what S or T reflects: the commands that it follows, and their last control point
+    at, end, total = 0, len(data), 0
+
+    def bad(expected):
+        place = len(data) - len(data[at:].lstrip(SPACE))
+        return ValueError(
+            f'bad {name} at character {place + 1}, "{_quoted(data[place : place + 20])}": expected {expected}'
+        )
+
+    def finish():
+        if cubics:
+            values = np.array(cubics).reshape(-1, 3, 2)
+            starts = np.concatenate([[[begin_x, begin_y]], values[:-1, 2]])
+            subpaths.append(np.concatenate([starts[:, None], values], axis=1))
+            cubics.clear()
 
     while True:
-        if match := _COMMAND.match(d, at):
-            command, at = match[1], match.end()
-            if not before and command not in "Mm":
-                raise ValueError(f"path data must begin with M, got {d[:20].strip()!r}")
-        elif not d[at:].strip(" \t\r\n,"):
+        while at < end and data[at] in SPACE:
+            at += 1
+        if at >= end:
             break
+        if data[at].upper() in ARGUMENTS:
+            if not command and data[at] not in "Mm":
+                raise bad("M or m first")
+            command = data[at]
+            at += 1
         elif command in ("", "Z", "z"):
-            raise ValueError(f"path data {d[at : at + 20].strip()!r} is not understood")
-        upper, relative = command.upper(), command.islower()
-        a = []
-        for i in range(_ARGUMENTS[upper]):
-            match = (_FLAG if upper == "A" and i in (3, 4) else _NUMBER).match(d, at)
-            if match is None:
-                raise ValueError(f"path data: {command} lacks a number before {d[at : at + 20].strip()!r}")
-            a.append(float(match[1]))
+            raise bad("a command" if command else "M or m first")
+        letter, relative = command.upper(), command.islower()
+        v = []
+        for i in range(ARGUMENTS[letter]):
+            flag = letter == "A" and i in (3, 4)
+            match = (_NEXT_FLAG if flag else _NEXT_NUMBER).match(data, at)
+            if not match:
+                raise bad(f"a flag of {command}, 0 or 1" if flag else f"a number of {command}")
+            v.append(_number(match[1]))
             at = match.end()
-        if a and not max(map(abs, a)) < 1e12:
-            raise ValueError(f"path data: a number of {command} is too large")
-        origin = here if relative else np.zeros(2)
-        points = [np.array(a[i : i + 2]) + origin for i in range(0, len(a) - 1, 2)] if upper in "MLCSQT" else []
-        if upper == "Z":
-            if current and not np.array_equal(here, start):
-                cubic(here, start, start)
-            finish(True)
-            end = start
-        elif upper == "M":
-            finish(False)
-            start = end = points[0]
-            command = "l" if relative else "L"  # further pairs are lines
-        elif upper in "LHV":
-            if upper == "L":
-                end = points[0]
+        if relative:
+            if letter == "A":
+                v[5:] = v[5] + x, v[6] + y
             else:
-                axis = 0 if upper == "H" else 1
-                end = here.copy()
-                end[axis] = a[0] + origin[axis]
-            cubic(here, end, end)
-        elif upper in "CS":
-            first = points[0] if upper == "C" else (2 * here - control if before in ("C", "S") else here)
-            control, end = points[-2:]
-            cubic(first, control, end)
-        elif upper in "QT":
-            control = points[0] if upper == "Q" else (2 * here - control if before in ("Q", "T") else here)
-            end = points[-1]
-            cubic(here + 2 / 3 * (control - here), end + 2 / 3 * (control - end), end)
-        else:
-            end = np.array(a[5:7]) + origin
-            for piece in _arc(here, end, *a[:5]):
-                cubic(*piece)
-        here, before = end, upper
-    finish(False)
-    return [(points, ring or (len(points) > 7 and np.array_equal(points[0], points[-1]))) for points, ring in done]
+                odd = 0 if letter == "V" else 1
+                v = [value + (x if i % 2 != odd else y) for i, value in enumerate(v)]
+
+        if letter == "M":
+            finish()
+            x, y = begin_x, begin_y = v
+            command, control = ("l" if relative else "L"), None
+            continue
+        reflect, control = control, None
+        u, w = v[-2:] if len(v) > 1 else (begin_x, begin_y)
+        if letter == "H":
+            u, w = v[0], y
+        elif letter == "V":
+            u, w = x, v[0]
+        if letter in "CS":
+            x1, y1 = v[:2] if letter == "C" else _reflected(reflect, "C", x, y)
+            control = ("C", *v[-4:-2])
+            cubics.append((x1, y1, *v[-4:]))
+        elif letter in "QT":
+            qx, qy = v[:2] if letter == "Q" else _reflected(reflect, "Q", x, y)
+            control = ("Q", qx, qy)
+            cubics.append(
+                (x + (qx - x) * 2 / 3, y + (qy - y) * 2 / 3, u + (qx - u) * 2 / 3, w + (qy - w) * 2 / 3, u, w)
+            )
+        elif letter == "A" and (arc := _arc(x, y, *v)) is not None:
+            cubics += arc
+        elif letter != "Z" or (x, y) != (u, w):
+            dx, dy = (u - x) / 3, (w - y) / 3
+            cubics.append((x + dx, y + dy, u - dx, w - dy, u, w))
+        x, y = u, w
+        if letter == "Z":
+            finish()
+        total += 1
+        if total > MAX_POINTS or abs(x) + abs(y) > MAX_NUMBER**2:
+            raise ValueError(f"more than {MAX_POINTS} segments, or coordinates too large to be a place in a drawing")
+    finish()
+    return subpaths
 
 
-def _arc(start, end, rx, ry, angle, large, sweep) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """An elliptical arc as cubic Beziers of at most 90 degrees (SVG 2, appendix B.2.4)."""
-    rx, ry = abs(rx), abs(ry)
-    if np.array_equal(start, end):
+def _reflected(control, command: str, x: float, y: float) -> tuple[float, float]:
+    """The control point of a smooth continuation: the current point where no curve of its sort went before."""
+    if control is None or control[0] != command:
+        return x, y
+    return 2 * x - control[1], 2 * y - control[2]
+
+
+def _arc(x, y, rx, ry, degrees, large, sweep, u, v) -> list[tuple[float, ...]] | None:
+    """SVG's elliptical arc from (x, y) to (u, v) as cubics of at most 45 degrees, off by 4e-6 of the radius.
+
+    None where it is a straight line. SVG 1.1, appendix F.6.
+    """
+    if (x, y) == (u, v):
         return []
-    if rx < 1e-12 or ry < 1e-12:
-        return [(start, end, end)]
-    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-    turn = np.array([[c, -s], [s, c]])
-    x, y = turn.T @ (0.5 * (start - end)) / (rx, ry)  # half the chord, on the unit circle
-    half = x * x + y * y
-    if half > 1.0:  # radii too small: enlarged until they just reach
-        grow = np.sqrt(half)
-        rx, ry, x, y, half = rx * grow, ry * grow, x / grow, y / grow, 1.0
-    offset = np.sqrt(max(1.0 / half - 1.0, 0.0)) * (-1.0 if large == sweep else 1.0)
-    centre = np.array([offset * y, -offset * x])
-    first = np.arctan2(y - centre[1], x - centre[0])
-    sweep_angle = (np.arctan2(-y - centre[1], -x - centre[0]) - first) % (2 * np.pi)
-    if not sweep:
-        sweep_angle -= 2 * np.pi
-    count = max(int(np.ceil(abs(sweep_angle) / (0.5 * np.pi) - 1e-9)), 1)
-    middle = 0.5 * (start + end) + turn @ (centre * (rx, ry))
-    at = first + sweep_angle * np.arange(count + 1) / count
-    on = np.stack([np.cos(at), np.sin(at)], axis=1)
-    tangent = np.stack([-np.sin(at), np.cos(at)], axis=1) * (4 / 3 * np.tan(0.25 * sweep_angle / count))
-    out = []
-    for i in range(count):
-        unit = (on[i] + tangent[i], on[i + 1] - tangent[i + 1], on[i + 1])
-        out.append(tuple(middle + turn @ (p * (rx, ry)) for p in unit))
-    out[-1] = (*out[-1][:2], end)
-    return out
+    rx, ry = abs(rx), abs(ry)
+    if min(rx, ry) < 1 / MAX_NUMBER:
+        return None
+    cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    # half the chord in the ellipse's own frame, where it is the unit circle
+    px, py = (cos * (x - u) + sin * (y - v)) / 2 / rx, (cos * (y - v) - sin * (x - u)) / 2 / ry
+    half = px * px + py * py
+    if not 1 / MAX_NUMBER**2 < half < MAX_NUMBER**2:
+        return None
+    grow = max(math.sqrt(half), 1.0)  # radii too small to reach are scaled up
+    rx, ry, px, py, half = rx * grow, ry * grow, px / grow, py / grow, half / grow**2
+    away = math.sqrt(max(0.0, 1 / half - 1)) * (-1 if large == sweep else 1)
+    cx, cy = away * py, -away * px
+    first = math.atan2(py - cy, px - cx)
+    turn = math.atan2(-py - cy, -px - cx) - first
+    if sweep and turn < 0:
+        turn += 2 * math.pi
+    elif not sweep and turn > 0:
+        turn -= 2 * math.pi
+    pieces = max(1, math.ceil(abs(turn) / (math.pi / 4) - 1e-9))
+    step = turn / pieces
+    handle = 4 / 3 * math.tan(step / 4)
+    middle_x, middle_y = (x + u) / 2, (y + v) / 2
+
+    def place(a, b):
+        a, b = (a + cx) * rx, (b + cy) * ry
+        return cos * a - sin * b + middle_x, sin * a + cos * b + middle_y
+
+    cubics = []
+    for i in range(pieces):
+        a, b = first + i * step, first + (i + 1) * step
+        one = place(math.cos(a) - handle * math.sin(a), math.sin(a) + handle * math.cos(a))
+        two = place(math.cos(b) + handle * math.sin(b), math.sin(b) - handle * math.cos(b))
+        cubics.append((*one, *two, *(place(math.cos(b), math.sin(b)) if i < pieces - 1 else (u, v))))
+    return cubics
 
 
-def _flatten(beziers: np.ndarray) -> np.ndarray:
-    """Control points (1 + 3 n, 2) of joined cubic Beziers -> a polyline within TOLERANCE."""
-    p0, p1, p2, p3 = beziers[:-1:3], beziers[1::3], beziers[2::3], beziers[3::3]
-    bend = np.maximum(np.linalg.norm(p0 - 2 * p1 + p2, axis=1), np.linalg.norm(p1 - 2 * p2 + p3, axis=1))
-    # a line was written with its first control point at its start and its second at its end
-    straight = (np.abs(p1 - p0).max(axis=1) < 1e-12) & (np.abs(p2 - p3).max(axis=1) < 1e-12)
-    bend = np.where(straight | ~np.isfinite(bend), 0.0, bend)
-    count = np.clip(np.ceil(np.sqrt(0.75 * bend / TOLERANCE)), 1, 500).astype(np.int64)
-    piece = np.repeat(np.arange(len(count)), count)
-    t = ((np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)) + 1.0) / count[piece]
-    s, t = 1.0 - t[:, None], t[:, None]
-    points = s**3 * p0[piece] + 3 * s * s * t * p1[piece] + 3 * s * t * t * p2[piece] + t**3 * p3[piece]
-    points[np.cumsum(count) - 1] = p3
-    return np.concatenate([beziers[:1], points])
+def _shape_path(tag: str, attributes, view: tuple[float, float]) -> str:
+    """Path data of a line, rect, circle or ellipse; "" where it draws nothing."""
+    width, height = view
+
+    def get(name, whole):
+        return _length(attributes.get(name, "0"), name, whole)
+
+    if tag == "line":
+        return f"M{get('x1', width)} {get('y1', height)}L{get('x2', width)} {get('y2', height)}"
+    if tag == "circle":
+        rx = ry = get("r", math.hypot(width, height) / math.sqrt(2))
+    else:  # a radius that is not given is the other one
+        rx, ry = attributes.get("rx", "auto"), attributes.get("ry", "auto")
+        rx, ry = (ry if rx == "auto" else rx), (rx if ry == "auto" else ry)
+        rx, ry = (0.0, 0.0) if rx == "auto" else (_length(rx, "rx", width), _length(ry, "ry", height))
+    arc = f"A{rx} {ry} 0 0 1"
+    if tag != "rect":
+        x, y = get("cx", width), get("cy", height)
+        return f"M{x + rx} {y}{arc} {x - rx} {y}{arc} {x + rx} {y}Z" if min(rx, ry) > 0 else ""
+    x, y, w, h = get("x", width), get("y", height), get("width", width), get("height", height)
+    if min(w, h) <= 0:
+        return ""
+    rx, ry = min(rx, w / 2), min(ry, h / 2)
+    if min(rx, ry) <= 0:
+        return f"M{x} {y}H{x + w}V{y + h}H{x}Z"
+    arc = f"A{rx} {ry} 0 0 1"
+    return (
+        f"M{x + rx} {y}H{x + w - rx}{arc} {x + w} {y + ry}V{y + h - ry}{arc} {x + w - rx} {y + h}"
+        f"H{x + rx}{arc} {x} {y + h - ry}V{y + ry}{arc} {x + rx} {y}Z"
+    )
+
+
+def flatten(cubics: np.ndarray, offsets: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Chains of cubics (S, 4, 2), the i-th in rows offsets[i]:offsets[i+1], as polylines xy (N, 2) and their offsets.
+
+    Chords keep within `tolerance` of the curve: n of them are off by at most max |B''| / 8 n^2.
+    """
+    bend = np.linalg.norm(cubics[:, :-2] - 2 * cubics[:, 1:-1] + cubics[:, 2:], axis=2).max(axis=1)
+    wanted = np.maximum(np.ceil(np.sqrt(6 * bend / (8 * tolerance))), 1.0)
+    if wanted.sum() > MAX_POINTS:
+        raise ValueError(f"its curves need more than {MAX_POINTS} points on this canvas: simplify the drawing first")
+    count = wanted.astype(np.int64)
+    which = np.repeat(np.arange(len(cubics)), count)
+    before = np.cumsum(count) - count
+    t = ((np.arange(len(which)) - before[which] + 1) / count[which])[:, None]
+    s = 1 - t
+    p = cubics[which]
+    along = s**3 * p[:, 0] + 3 * s**2 * t * p[:, 1] + 3 * s * t**2 * p[:, 2] + t**3 * p[:, 3]
+    along[before + count - 1] = cubics[:, 3]  # to the last bit
+    new = np.r_[0, np.cumsum(count)][offsets] + np.arange(len(offsets))  # every chain has its start besides
+    xy = np.empty((new[-1], 2))
+    start = np.zeros(len(xy), bool)
+    start[new[:-1]] = True
+    xy[start], xy[~start] = cubics[offsets[:-1], 0], along
+    return xy, new
