@@ -36,12 +36,13 @@ class TidyOptions:
 
     merge: float = 2.5
     merge_soft: float = 4.0
+    merge_contour: float = 7.0
     merge_angle: float = 25.0
     speck: float = 5.0
     isolated: float = 15.0
     attached: float = 8.0
-    soft: float = 20.0
-    crowd: float = 40.0
+    soft: float = 18.0
+    crowd: float = 150.0
     long_crease: float = 30.0
     gap: float = 10.0
     contour_gap: float = 14.0
@@ -209,7 +210,8 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
     rank = np.empty(len(lines), np.int64)
     rank[np.lexsort((np.arange(len(lines)), -score, group))] = np.arange(len(lines))
 
-    radius = max(options.merge, options.merge_soft)
+    contour = lines.kind == 0
+    radius = max(options.merge, options.merge_soft, options.merge_contour)
     pairs = cKDTree(lines.xy).query_pairs(radius, output_type="ndarray")
     same = of[pairs[:, 0]] == of[pairs[:, 1]]
     pairs = pairs[~same]
@@ -217,9 +219,12 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
     winner, loser = np.where(swap[:, None], pairs[:, ::-1], pairs).T
     direction = _chords(lines, 4)
     cosine = np.abs(np.einsum("ij,ij->i", direction[winner], direction[loser]))
-    distance = np.linalg.norm(lines.xy[winner] - lines.xy[loser], axis=1)
-    near = distance <= np.where(soft[of[loser]], options.merge_soft, options.merge)
-    beside = near & (cosine > np.cos(np.radians(options.merge_angle)))
+    between = lines.xy[winner] - lines.xy[loser]
+    distance = np.linalg.norm(between, axis=1)
+    abreast = np.abs(np.einsum("ij,ij->i", between, direction[winner])) < 1.5 * STEP  # not ahead of a tip
+    limit = np.where(contour[of[winner]], options.merge_contour, options.merge_soft)
+    near = distance <= np.where(soft[of[loser]], limit, options.merge)
+    beside = near & abreast & (cosine > np.cos(np.radians(options.merge_angle)))
     winner, loser = winner[beside], loser[beside]
 
     # A part that is gone removes nothing itself. Each round settles the curves one rank further down the chains of
