@@ -212,9 +212,10 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
 
     contour = lines.kind == 0
     radius = max(options.merge, options.merge_soft, options.merge_contour)
-    pairs = cKDTree(lines.xy).query_pairs(radius, output_type="ndarray")
-    same = of[pairs[:, 0]] == of[pairs[:, 1]]
-    pairs = pairs[~same]
+    along = np.arange(len(lines.xy)) - lines.first[of]
+    every = np.flatnonzero(along % 2 == 0)  # every second point is asked, and answers for the next
+    pairs = every[cKDTree(lines.xy[every]).query_pairs(radius, output_type="ndarray")]
+    pairs = pairs[of[pairs[:, 0]] != of[pairs[:, 1]]]
     swap = rank[of[pairs[:, 0]]] > rank[of[pairs[:, 1]]]
     winner, loser = np.where(swap[:, None], pairs[:, ::-1], pairs).T
     direction = _chords(lines, 4)
@@ -224,7 +225,8 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
     abreast = np.abs(np.einsum("ij,ij->i", between, direction[winner])) < 1.5 * STEP  # not ahead of a tip
     limit = np.where(contour[of[winner]], options.merge_contour, options.merge_soft)
     near = distance <= np.where(soft[of[loser]], limit, options.merge)
-    beside = near & abreast & (cosine > np.cos(np.radians(options.merge_angle)))
+    angle = np.where(distance > options.merge_soft, 0.4, 1.0) * options.merge_angle
+    beside = near & abreast & (cosine > np.cos(np.radians(angle)))
     winner, loser = winner[beside], loser[beside]
 
     # A part that is gone removes nothing itself. Each round settles the curves one rank further down the chains of
@@ -234,6 +236,7 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
         before = gone
         gone = np.zeros(len(lines.xy), bool)
         gone[loser[~before[winner]]] = True
+        gone[1:] |= gone[:-1] & (along[1:] % 2 == 1)
         for value, shorter in ((False, 3.0), (True, 4.0), (False, 6.0)):
             part = _flip_short(gone, lines.offsets, value, shorter / STEP)
             gone = part
@@ -328,11 +331,16 @@ def _clear(lines: _Lines, start, stop, ca, cb, gap) -> np.ndarray:
 
 def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
     """Chains of curves whose ends are paired, (2C,) with -1 for none; each is resampled as one curve."""
-    count = len(lines)
-    length = lines.lengths()
-    used = np.zeros(count, bool)
-    xy, strength, kind, closed = [], [], [], []
-    starts = [e for e in range(2 * count) if mate[e] < 0] + list(range(0, 2 * count, 2))
+    linked = (mate >= 0).reshape(-1, 2).any(axis=1)
+    if not linked.any():
+        return lines
+    single = lines.take(~linked)
+    length, used = lines.lengths(), np.zeros(len(lines), bool)
+    xy, strength, kind, closed = [single.xy], [single.strength], list(single.kind), list(single.closed)
+    # open chains from an end that has no mate, then rings from anywhere
+    curves = np.flatnonzero(linked)
+    starts = [end for c in curves for end in (2 * c, 2 * c + 1) if mate[end] < 0] + [2 * c for c in curves]
+    count = []
     for end in starts:
         if used[end // 2]:
             continue
@@ -345,19 +353,16 @@ def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
             weight[lines.kind[c]] += length[c]
             at = mate[at ^ 1]
         ring = at >= 0
-        if ring and len(parts) > 1:
-            parts = _trimmed(lines.xy, parts, ring=True)
-        elif len(parts) > 1:
-            parts = _trimmed(lines.xy, parts, ring=False)
-        rows = np.concatenate(parts)
-        if ring and len(rows) > 3:
+        rows = np.concatenate(_trimmed(lines.xy, parts, ring)) if len(parts) > 1 else parts[0]
+        if ring:
             rows = np.r_[rows, rows[0]]
         xy.append(lines.xy[rows])
         strength.append(lines.strength[rows])
+        count.append(len(rows))
         hard = np.where(_SOFT, 0.0, weight)
         kind.append(int((hard if 3.0 * hard.sum() > weight.sum() else weight).argmax()))
-        closed.append(bool(lines.closed[end // 2]) or (ring and len(rows) > 4))
-    offsets = np.r_[0, np.cumsum([len(p) for p in xy])]
+        closed.append(ring)
+    offsets = np.r_[single.offsets, single.offsets[-1] + np.cumsum(count)]
     return _even(np.concatenate(xy), np.concatenate(strength), offsets, np.array(kind), np.array(closed))
 
 
