@@ -9,9 +9,10 @@ from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 
 MAX_ROUNDS = 12  # re-traces past ignored hits; what is still open then counts as hidden
-NEAR = 1.5  # mean edges of the curve's own face: how far its own neighbourhood may stand in front of a smooth line
-GRAZING = 0.25  # |cos| between the view and a face nearer than one mean edge, below which the face is the line's own fold
-SMOOTH_LIFT, SHARP_LIFT = 0.1, 0.01  # mean edges along the normal, for smooth lines and for creases and boundaries
+# In mean edges of the face that a point lies on. On contours of 8 scans and bodies, against the same meshes made smooth
+# (curved point-normal triangles): lift 0.05 loses 3 % of what is seen, 0.1 with NEAR 0.4 %; 0.15 shows 2 % too much.
+LIFT = 0.1  # along the normal, of the points of smooth lines
+NEAR = 0.75  # how far a smooth line's own neighbourhood may stand in front of it
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,6 @@ class Scene:
         corner = self.vertices[self.faces]  # (F, 3, 3)
         edge = np.roll(corner, -1, axis=1) - corner
         self.edge = np.linalg.norm(edge, axis=2).mean(axis=1)  # (F,)
-        cross = np.cross(edge[:, 0], edge[:, 1])
-        self.face_normals = cross / np.maximum(np.linalg.norm(cross, axis=1), 1e-300)[:, None]
         # embree works in float32: bring every mesh to the same place and size
         low, high = (self.vertices.min(axis=0), self.vertices.max(axis=0)) if len(self.vertices) else (0.0, 1.0)
         self._centre, self._scale = 0.5 * (low + high), 1.0 / max(float(np.max(high - low)), 1e-300)
@@ -81,10 +80,10 @@ class Scene:
         """Is a point of a line on the surface seen from the eye?
 
         A contour lies where the mesh folds away from the eye, so that about half of it is hidden, by a hair, by its own
-        neighbourhood. Hence the rules for a smooth line (not `sharp`): a face that touches the line's own face and stands
-        at most NEAR mean edges before the point does not hide it; neither does a grazing face nearer than one mean edge.
-        A crease or a boundary (`sharp`) is a true edge of the mesh, hidden by whatever stands before it. Rays start at
-        the eye: occluders come first, the doubtful neighbourhood last.
+        neighbourhood. Hence a smooth line (not `sharp`) is looked for LIFT above the surface, and a face that
+        touches its own and stands at most NEAR before it does not hide it. A crease or a boundary (`sharp`) is a true
+        edge of the mesh, hidden by whatever stands before it. Rays start at the eye, so that what hides a point comes
+        first and its doubtful neighbourhood last.
 
         Parameters
         ----------
@@ -101,14 +100,13 @@ class Scene:
         position = np.asarray(position, np.float64)
         eye = np.asarray(eye, np.float64)
         edge = self.edge[face]
-        # the mean normal of the corners is enough for a lift
-        normal = self.normals[self.faces[face]].sum(axis=1)
+        toward = eye - position
+        normal = self.normals[self.faces[face]].sum(axis=1)  # of the whole face: enough for a lift
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-        # away from the surface on the side of the eye: on an open surface both sides can be seen
-        normal *= np.where(np.einsum("ij,ij->i", normal, eye - position) < -0.3 * self._reach(eye, position), -1.0, 1.0)[
-            :, None
-        ]
-        target = position + normal * (np.where(sharp, SHARP_LIFT, SMOOTH_LIFT) * edge)[:, None]
+        # an open surface can be seen from behind; there it is lifted on that side
+        behind = np.einsum("ij,ij->i", normal, toward) < -0.3 * np.linalg.norm(toward, axis=1)
+        lift = LIFT * edge * np.where(sharp, 0.0, np.where(behind, -1.0, 1.0))
+        target = position + normal * lift[:, None]
         ray = target - eye
         length = np.linalg.norm(ray, axis=1)
         ray /= np.maximum(length, 1e-300)[:, None]
@@ -131,13 +129,7 @@ class Scene:
             result[open_[free]] = True
             hit, gap, distance, open_ = hit[~free], gap[~free], distance[~free], open_[~free]
             own = (self.faces[hit][:, :, None] == self.faces[face[open_]][:, None, :]).any(axis=(1, 2))
-            cosine = np.abs(np.einsum("ij,ij->i", self.face_normals[hit], ray[open_]))
-            near = edge[open_]
-            ignore = ~sharp[open_] & ((own & (gap < NEAR * near)) | ((cosine < GRAZING) & (gap < near)))
+            ignore = ~sharp[open_] & own & (gap < NEAR * edge[open_])
             passed[open_] = distance + slack[open_]
             open_ = open_[ignore]
         return result
-
-    @staticmethod
-    def _reach(eye: np.ndarray, position: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(eye - position, axis=1)
