@@ -1,0 +1,380 @@
+"""Make the shapes of `examples/shapes/` from nothing: `python examples/make_shapes.py [NAME ...]`.
+
+    elephant   a young elephant: ellipsoids, tubes and flaps, blended and polygonised
+    hand       an open hand, from the same parts
+    bracket    a mechanical bracket: exact distances, sharp edges, fillets, round holes
+    teapot     Martin Newell's teapot of 1975, from its Bezier control points
+    cloth      a square cloth let fall over a ball, simulated (an open surface)
+
+Every shape is y up and faces +z or thereabouts. Numpy only, no randomness: the same script writes the same bytes.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+Field = Callable[[np.ndarray], np.ndarray]  # points (N, 3) -> signed distance or nearly (N,), negative inside
+Mesh = tuple[np.ndarray, np.ndarray]  # vertices (V, 3) float, faces (F, 3) int, counter-clockwise from outside
+
+
+# ---------------------------------------------------------------------------------------------- distances
+
+
+def ellipsoid(p, centre, radii, turn=None):
+    """Nearly the distance to an ellipsoid (or ellipse); `turn` (3, 3) takes world directions to its axes."""
+    q = p - centre
+    if turn is not None:
+        q = q @ turn.T
+    radii = np.asarray(radii, float)
+    k0, k1 = np.linalg.norm(q / radii, axis=1), np.linalg.norm(q / radii**2, axis=1)
+    return k0 * (k0 - 1.0) / np.maximum(k1, 1e-12)
+
+
+def spline(points) -> np.ndarray:
+    """The natural cubic spline through the points (n, d): coefficients (n-1, 4, d) of 1, t, t^2, t^3."""
+    points = np.asarray(points, float)
+    n = len(points)
+    a = 4.0 * np.eye(n) + np.eye(n, k=1) + np.eye(n, k=-1)
+    a[0, 0] = a[-1, -1] = 2.0
+    ends = np.clip(np.arange(n)[:, None] + [-1, 1], 0, n - 1)
+    slope = np.linalg.solve(a, 3.0 * (points[ends[:, 1]] - points[ends[:, 0]]))
+    step = np.diff(points, axis=0)
+    return np.stack(
+        [points[:-1], slope[:-1], 3 * step - 2 * slope[:-1] - slope[1:], slope[:-1] + slope[1:] - 2 * step], axis=1
+    )
+
+
+def tube(p, points, radii):
+    """A round rod along the smooth curve through the points, its radius passing smoothly through the radii."""
+    c = spline(np.column_stack([points, radii]))
+    t = np.linspace(0.0, len(c), 6 * len(c) + 1)
+    trial = at(c, t)[0][:, :3]
+    t = t[np.argmin((trial**2).sum(1) - 2.0 * p @ trial.T, axis=1)]
+    low, high = np.maximum(t - 1 / 6, 0.0), np.minimum(t + 1 / 6, len(c))
+    for _ in range(3):  # the nearest point of the curve
+        x, dx, ddx = (v[:, :3] for v in at(c, t))
+        off = x - p
+        slope, bend = (off * dx).sum(1), (dx * dx).sum(1)
+        t = np.clip(t - slope / np.maximum(bend + (off * ddx).sum(1), 0.3 * bend), low, high)
+    x = at(c, t)[0]
+    return np.linalg.norm(p - x[:, :3], axis=1) - x[:, 3]
+
+
+def at(c, t):
+    """The spline `c` (n, 4, d) at t in 0..n: values and two derivatives, each (N, d)."""
+    piece = np.minimum(t.astype(int), len(c) - 1)
+    t = (t - piece)[:, None]
+    a, b, c, d = np.moveaxis(c[piece], 1, 0)
+    return a + t * (b + t * (c + t * d)), b + t * (2 * c + t * 3 * d), 2 * c + t * 6 * d
+
+
+def near(p, centre, radius, part: Field):
+    """`part`, worked out only in a ball that holds it; outside, the distance to the ball, which is less."""
+    far = np.linalg.norm(p - centre, axis=1) - radius
+    out = far + 0.08
+    inside = far < 0.0
+    out[inside] = part(p[inside])
+    return out
+
+
+def blend(*distances, k):
+    """Smooth union: a cubic in the band |a - b| < k, so that curvature stays continuous."""
+    out = distances[0]
+    for d in distances[1:]:
+        h = np.maximum(k - np.abs(out - d), 0.0) / k
+        out = np.minimum(out, d) - h**3 * (k / 6.0)
+    return out
+
+
+def carve(d, tool, k):
+    """Smooth difference: `d` without `tool`."""
+    return -blend(-d, tool, k=k)
+
+
+def turn(axis: str, degrees: float) -> np.ndarray:
+    """World directions -> the axes of a thing turned by that much about x, y or z (3, 3)."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    m = np.eye(3)
+    m[i, i], m[i, j], m[j, i], m[j, j] = c, s, -s, c
+    return m
+
+
+# ---------------------------------------------------------------------------------------------- polygons
+
+
+def normal(f: Field, p: np.ndarray, step=1e-5) -> tuple[np.ndarray, np.ndarray]:
+    """Values (N,) and gradients (N, 3)."""
+    value = f(p)
+    return value, np.stack([f(p + e) - value for e in step * np.eye(3)], axis=1) / step
+
+
+def project(f: Field, p: np.ndarray, steps=3) -> np.ndarray:
+    """Newton steps onto the surface f = 0."""
+    for _ in range(steps):
+        value, g = normal(f, p)
+        p = p - (value / np.maximum((g * g).sum(1), 0.1))[:, None] * g
+    return p
+
+
+def sample(f: Field, low, high, h) -> tuple[np.ndarray, np.ndarray]:
+    """Values on a grid of spacing h; away from the surface only the sign is right. Returns values, origin."""
+    shape = 4 * np.ceil((np.asarray(high, float) - low) / (4 * h)).astype(int)
+    corners = np.indices(shape // 4).reshape(3, -1).T * 4
+    coarse = f(low + h * (corners + 1.5))
+    values = coarse.reshape(shape // 4).repeat(4, 0).repeat(4, 1).repeat(4, 2)
+    near = np.abs(values) < 6 * h
+    values[near] = f(low + h * np.argwhere(near))
+    return settle(values), np.asarray(low, float)
+
+
+def settle(values) -> np.ndarray:
+    """Change signs next to the surface until no face of the grid has + - + - round it, where meshes would pinch."""
+    while True:
+        doubtful = []
+        inside = values < 0
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            a, c = inside, np.roll(inside, (-1, -1), (i, j))
+            b, d = np.roll(inside, -1, i), np.roll(inside, -1, j)
+            for corner in np.argwhere((a == c) & (b == d) & (a != b)):
+                e = np.eye(3, dtype=int)
+                doubtful.append(corner + np.stack([0 * e[i], e[i], e[j], e[i] + e[j]]))
+        if not doubtful:
+            return values
+        doubtful = np.array(doubtful)
+        least = np.abs(values[tuple(np.moveaxis(doubtful, 2, 0))]).argmin(axis=1)
+        flip = np.unique(doubtful[np.arange(len(doubtful)), least], axis=0)
+        values[tuple(flip.T)] = -1e-3 * np.sign(values[tuple(flip.T)] + 1e-300)
+
+
+def surface_nets(f: Field, low, high, h) -> Mesh:
+    """The surface f = 0 in the box, by dual polygons: a vertex in every cell of the grid that the surface crosses,
+    a quad round every grid edge that it crosses, cut along the diagonal that lies nearer to the surface.
+    """
+    values, origin = sample(f, low, high, h)
+    crossings, quads = [], []
+    for axis in range(3):
+        along, u, v = np.roll(np.eye(3, dtype=int), -axis, axis=0)
+        start, end = (np.take(values, r, axis) for r in (range(values.shape[axis] - 1), range(1, values.shape[axis])))
+        at = np.argwhere((start < 0) != (end < 0))
+        a, b = start[tuple(at.T)], end[tuple(at.T)]
+        crossings.append(origin + h * (at + (a / (a - b))[:, None] * along))
+        cells = np.stack([at, at - u, at - u - v, at - v], axis=1)  # counter-clockwise about the axis
+        cells[b < a] = cells[b < a][:, ::-1]
+        quads.append(np.ravel_multi_index(tuple(cells.reshape(-1, 3).T), values.shape).reshape(-1, 4))
+    quads = np.unique(np.concatenate(quads), return_inverse=True)[1].reshape(-1, 4)
+    points = np.concatenate(crossings).repeat(4, axis=0)
+    vertices = np.stack([np.bincount(quads.ravel(), points[:, i]) for i in range(3)], axis=1)
+    vertices /= np.bincount(quads.ravel())[:, None]
+    vertices = project(f, vertices)
+    return vertices, cut_quads(f, vertices, quads)
+
+
+def cut_quads(f: Field, vertices, quads) -> np.ndarray:
+    """Quads (Q, 4) -> triangles (2Q, 3), along the diagonal whose middle lies nearer to the surface."""
+    middle = [np.abs(f(0.5 * (vertices[quads[:, i]] + vertices[quads[:, i + 2]]))) for i in (0, 1)]
+    length = [np.linalg.norm(vertices[quads[:, i]] - vertices[quads[:, i + 2]], axis=1) for i in (0, 1)]
+    other = middle[1] + 0.05 * length[1] < middle[0] + 0.05 * length[0]
+    quads = np.where(other[:, None], np.roll(quads, -1, axis=1), quads)
+    return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def neighbours_mean(faces, vertices) -> np.ndarray:
+    """The mean of each vertex's neighbours (V, 3), on a closed mesh."""
+    i, j = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    total = np.stack([np.bincount(i, vertices[j, k], len(vertices)) for k in range(3)], axis=1)
+    return total / np.bincount(i, minlength=len(vertices))[:, None]
+
+
+def relax(f: Field, mesh: Mesh, steps=8) -> Mesh:
+    """Even out the triangles: vertices slide along the surface towards the mean of their neighbours."""
+    vertices, faces = mesh
+    for _ in range(steps):
+        value, g = normal(f, vertices)
+        g /= np.maximum(np.linalg.norm(g, axis=1, keepdims=True), 1e-9)
+        move = 0.5 * (neighbours_mean(faces, vertices) - vertices)
+        vertices = vertices + move - ((move * g).sum(1) + value)[:, None] * g
+    return project(f, vertices, 2), faces
+
+
+def refine(f: Field, mesh: Mesh, degrees: float, least: float) -> Mesh:
+    """Halve every edge along which the surface turns by more than that, unless it is shorter than `least`."""
+    vertices, faces = mesh
+    pairs = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edges, edge_of = np.unique(pairs, axis=0, return_inverse=True)
+    edge_of = edge_of.reshape(-1, 3)
+    g = normal(f, vertices)[1]
+    g /= np.maximum(np.linalg.norm(g, axis=1, keepdims=True), 1e-9)
+    bent = (g[edges[:, 0]] * g[edges[:, 1]]).sum(1) < np.cos(np.radians(degrees))
+    long = bent & (np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) > least)
+    new = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)[edge_of]  # (F, 3), the vertex on each edge, or -1
+    vertices = np.concatenate([vertices, project(f, vertices[edges[long]].mean(axis=1))])
+    count = (new >= 0).sum(axis=1)
+    out = [faces[count == 0]]
+    first = np.where(count == 1, (new >= 0).argmax(1), (np.argmin(new >= 0, axis=1) + 1) % 3)
+    roll = (first[:, None] + np.arange(3)) % 3  # one: the cut edge first; two: the uncut edge last
+    faces, new = np.take_along_axis(faces, roll, 1), np.take_along_axis(new, roll, 1)
+    (a, b, c), (ab, bc, ca) = faces[count == 1].T, new[count == 1].T
+    out += [np.stack([a, ab, c], 1), np.stack([ab, b, c], 1)]
+    (a, b, c), (ab, bc, ca) = faces[count == 2].T, new[count == 2].T
+    out += [np.stack([ab, b, bc], 1), np.stack([a, ab, bc], 1), np.stack([a, bc, c], 1)]
+    (a, b, c), (ab, bc, ca) = faces[count == 3].T, new[count == 3].T
+    out += [np.stack([a, ab, ca], 1), np.stack([ab, b, bc], 1), np.stack([ca, bc, c], 1), np.stack([ab, bc, ca], 1)]
+    return vertices, np.concatenate(out)
+
+
+def polygonise(f: Field, low, high, h, degrees=30.0) -> Mesh:
+    """The smooth surface f = 0 in the box: triangles of size h, smaller where the surface turns quickly."""
+    mesh = relax(f, even_valence(surface_nets(f, low, high, h)), 4)
+    mesh = even_valence(refine(f, mesh, degrees, 0.5 * h))
+    return relax(f, even_valence(mesh))
+
+
+def even_valence(mesh: Mesh, rounds=4) -> Mesh:
+    """Flip edges where that brings the valences of the four vertices round it nearer to six."""
+    vertices, faces = mesh
+    for _ in range(rounds):
+        half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)  # half-edge a -> b of face // 3
+        apex = np.roll(faces, -2, axis=1).ravel()
+        key, back = half[:, 0] * len(vertices) + half[:, 1], half[:, 1] * len(vertices) + half[:, 0]
+        order = np.argsort(key)
+        twin = order[np.searchsorted(key[order], back)]
+        valence = np.bincount(faces.ravel(), minlength=len(vertices))
+        a, b, c, d = half[:, 0], half[:, 1], apex, apex[twin]
+        excess = [np.abs(valence[x] - 6) for x in (a, b, c, d)]
+        after = [np.abs(valence[x] + s - 6) for x, s in ((a, -1), (b, -1), (c, 1), (d, 1))]
+        gain = sum(excess) - sum(after)
+        cross = np.cross(vertices[b] - vertices[a], vertices[c] - vertices[a])
+        flat = (cross * cross[twin]).sum(1) > 0.9 * np.linalg.norm(cross, axis=1) * np.linalg.norm(cross[twin], axis=1)
+        two = np.stack([np.cross(vertices[d] - vertices[c], vertices[x] - vertices[c]) * s for x, s in ((a, -1), (b, 1))])
+        convex = ((two * cross).sum(2) > 0.1 * (cross * cross).sum(1)).all(axis=0)
+        known = np.isin(np.minimum(c, d) * len(vertices) + np.maximum(c, d), np.r_[key[half[:, 0] < half[:, 1]]])
+        wish = np.flatnonzero((gain > 0) & flat & convex & ~known & (a < b))
+        if not len(wish):
+            break
+        wish = wish[np.argsort(-gain[wish], kind="stable")]
+        rank = np.arange(len(wish))
+        best = np.full(len(vertices), len(wish))  # a flip goes ahead if it comes first at each of its four vertices
+        for x in (a, b, c, d):
+            np.minimum.at(best, x[wish], rank)
+        go = wish[(np.stack([best[x[wish]] for x in (a, b, c, d)]) == rank).all(axis=0)]
+        faces = faces.copy()
+        faces[go // 3] = np.stack([c[go], d[go], b[go]], axis=1)
+        faces[twin[go] // 3] = np.stack([d[go], c[go], a[go]], axis=1)
+    return vertices, faces
+
+
+# ---------------------------------------------------------------------------------------------- the shapes
+
+
+def sides(p):
+    """Points folded onto the +x side, for what comes in pairs."""
+    return np.abs(p * [1.0, 0.0, 0.0]) + p * [0.0, 1.0, 1.0]
+
+
+def elephant() -> Mesh:
+    """A young elephant walking towards +z, its head turned a little, its trunk up."""
+    nod = turn("y", 14) @ turn("x", -4)
+    neck, size = np.array([0.0, 0.72, 0.25]), 1.12
+
+    def head(p):  # in the head's own frame: the neck at the origin, z forward
+        s = sides(p)
+        skull = blend(
+            ellipsoid(p, [0.0, 0.08, 0.12], [0.185, 0.20, 0.19]),
+            ellipsoid(s, [0.06, 0.17, 0.13], [0.105, 0.11, 0.13]),
+            ellipsoid(s, [0.09, -0.03, 0.17], [0.085, 0.10, 0.11]),
+            k=0.08,
+        )
+        lip = ellipsoid(p, [0.0, -0.14, 0.24], [0.062, 0.05, 0.12], turn("x", 32))
+        trunk = tube(
+            p,
+            [(0, 0.06, 0.22), (0, -0.01, 0.34), (0, -0.12, 0.42), (0, -0.25, 0.475), (0, -0.35, 0.55),
+             (0, -0.37, 0.66), (0, -0.29, 0.74), (0, -0.18, 0.74), (0, -0.10, 0.70)],
+            [0.115, 0.105, 0.088, 0.074, 0.063, 0.056, 0.05, 0.046, 0.046],
+        )
+        tip = ellipsoid(p, [0.0, -0.075, 0.69], [0.028, 0.03, 0.028])
+        tusk = tube(s, [(0.075, -0.05, 0.27), (0.10, -0.12, 0.37), (0.118, -0.14, 0.45), (0.122, -0.11, 0.52)],
+                    [0.028, 0.026, 0.019, 0.008])
+        q = (s - [0.15, 0.10, 0.03]) @ (turn("y", 38) @ turn("z", -10)).T
+        q = q + np.array([0.0, 0.0, 1.0]) * (0.5 * q[:, 1:2] ** 2 - 0.9 * (q[:, :1] - 0.06) ** 2)  # hollow in front
+        outline = blend(
+            ellipsoid(q[:, :2], [0.14, 0.04], [0.16, 0.165]),
+            ellipsoid(q[:, :2], [0.11, -0.13], [0.085, 0.12]),
+            k=0.08,
+        )
+        ear = np.hypot(np.maximum(outline + 0.03, 0.0), q[:, 2]) - 0.027
+        out = blend(skull, lip, k=0.07)
+        out = blend(out, trunk, k=0.09)
+        out = blend(out, ear, k=0.035)
+        out = blend(out, tusk, k=0.012)
+        lid = ellipsoid(s, [0.157, 0.092, 0.232], [0.036, 0.034, 0.042])
+        eye = ellipsoid(s, [0.166, 0.075, 0.242], [0.026, 0.026, 0.026])
+        out = blend(out, lid, k=0.03)
+        return blend(out, eye, k=0.005)
+
+    def f(p):
+        s = sides(p)
+        body = blend(
+            ellipsoid(p, [0.0, 0.60, -0.06], [0.255, 0.265, 0.36]),
+            ellipsoid(p, [0.0, 0.64, -0.22], [0.225, 0.235, 0.22]),
+            ellipsoid(s, [0.05, 0.67, 0.14], [0.165, 0.215, 0.17]),
+            k=0.14,
+        )
+        legs = []
+        for x, z, lift, swing in ((-0.14, 0.16, 0.0, 0.07), (0.14, 0.16, 0.05, -0.05),
+                                  (-0.14, -0.27, 0.0, -0.08), (0.14, -0.26, 0.0, 0.08)):
+            foot = np.array([1.04 * x, lift, z + swing])
+            top, knee = np.array([0.9 * x, 0.50, z]), np.array([1.03 * x, 0.27 + lift, z + 0.5 * swing + 0.015])
+            leg = tube(p, [top, knee, foot + [0, 0.11, 0], foot + [0, 0.02, 0]], [0.14, 0.108, 0.095, 0.106])
+            leg = carve(leg, p[:, 1] - foot[1], k=0.03)  # a flat sole
+            toes = [ellipsoid(p, foot + [0.095 * np.sin(a), 0.032, 0.095 * np.cos(a)], [0.028, 0.03, 0.024])
+                    for a in np.radians([-45, 0, 45])]
+            legs.append(blend(leg, *toes, k=0.012))
+        tail = tube(p, [(0, 0.72, -0.40), (0, 0.66, -0.455), (-0.015, 0.53, -0.49), (-0.06, 0.42, -0.50),
+                        (-0.085, 0.36, -0.50)], [0.04, 0.028, 0.021, 0.018, 0.016])
+        tuft = tube(p, [(-0.08, 0.37, -0.50), (-0.10, 0.31, -0.505), (-0.105, 0.24, -0.515)], [0.016, 0.036, 0.01])
+        out = blend(body, legs[0], legs[1], k=0.07)
+        out = blend(out, legs[2], legs[3], k=0.07)
+        out = blend(out, blend(tail, tuft, k=0.015), k=0.04)
+        return blend(out, size * near((p - neck) @ nod.T / size, [0.0, 0.0, 0.3], 0.72, head), k=0.06)
+
+    vertices, faces = polygonise(f, [-0.6, -0.03, -0.6], [0.6, 1.2, 1.25], 0.024, degrees=30)
+    return vertices @ turn("y", 28), faces
+
+
+def write_ply(path: Path, mesh: Mesh) -> None:
+    """Binary PLY: centred, longest side 1, vertices rounded to 1e-5 so that the last bits of a libm do not show."""
+    vertices, faces = mesh
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    vertices = np.round((vertices - 0.5 * (low + high)) / (high - low).max(), 5) + 0.0
+    index = "<u2" if len(vertices) < 65536 else "<i4"
+    rows = np.empty(len(faces), dtype=[("n", "u1"), ("v", index, 3)])
+    rows["n"], rows["v"] = 3, faces
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar {'ushort' if index == '<u2' else 'int'} vertex_indices\n"
+        "end_header\n"
+    )
+    path.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())
+
+
+SHAPES = {"elephant": elephant}
+
+
+def main(names: list[str]) -> None:
+    folder = Path(__file__).parent / "shapes"
+    folder.mkdir(exist_ok=True)
+    for name in names or SHAPES:
+        mesh = SHAPES[name]()
+        write_ply(folder / f"{name}.ply", mesh)
+        size = (folder / f"{name}.ply").stat().st_size
+        print(f"{name}: {len(mesh[0])} vertices, {len(mesh[1])} faces, {size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
