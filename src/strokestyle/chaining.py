@@ -153,6 +153,7 @@ def tidy(
     lines = _join(lines, options, near=False)
     lines = _merge(lines, options)
     lines = _drop(lines, options)
+    lines = _join(lines, options, near=False)
     lines = _split(lines, options.corner, reach=6, apart=11, steady=True)
     lines = _smooth(lines, options)
     order = np.lexsort((-lines.lengths(), lines.kind))
