@@ -26,7 +26,7 @@ _CREASE = KINDS.index("crease")
 
 @dataclass(frozen=True)
 class TidyOptions:
-    """The numbers of `tidy`; its docstring says what they do. Pixels are those of a 768 px canvas.
+    """The numbers of `tidy`, which says what they do. Lengths are pixels on a 768 px canvas, angles degrees.
 
     Raises
     ------
@@ -106,26 +106,33 @@ def tidy(
 ) -> Curves:
     """The strokes that an illustrator would start from, out of visible pieces of feature lines.
 
-    1. **Merged**: the part of a curve that runs beside a better one, within `merge` px (`merge_soft` if it is soft)
-       and `merge_angle` degrees, goes. Better is, among hard lines of 8 px and more, the earlier kind in KINDS, then
-       the longer; a hard line before a soft one; among soft ones the greater length x strength. Parts left over that
-       are shorter than 6 px go too; removed parts shorter than 4 px stay. Crossings are not parallel, so they stay.
-    2. **Joined**, first ends that nearly meet (4 px), after step 3 across `gap` px (`contour_gap` between contours):
-       where both ends head for each other within `angle` degrees, or overlap by up to 6 px side by side. Best
-       pairs first, the same kind before others, never across a third line. A joined stroke has the kind of its longer
-       part. Ends of one curve that meet close it.
-    3. **Dropped**: anything shorter than `speck` px; hard lines shorter than `isolated` px, or `attached` px where an
-       end lies within 6 px of another line; soft lines whose length x strength is less than `soft` px, more where other
-       short soft lines crowd the neighbourhood: twice as much for every `crowd` px of them within 24 px.
-    4. **Split** at corners of more than `corner` degrees within 12 px. A closed curve with no corner starts at its
-       topmost point (the leftmost of them); one with corners is cut there.
-    5. **Smoothed** along the stroke, never by more than `smooth` px (`smooth_soft` for soft lines); ends stay.
+    1. **Cut** where a line turns back on itself (110 degrees within 6 px), as contours do at cusps.
+    2. **Merged**: the part of a curve that runs beside a better one goes: within `merge` px and `merge_angle` degrees,
+       if it is soft within `merge_soft` px, or beside a contour `merge_contour` px and 0.4 `merge_angle`. Better is,
+       among hard lines of 8 px and more, the earlier kind in KINDS, then the longer; a hard line before a soft one;
+       among soft ones the greater length x strength. A crease shorter than `long_crease` px is more often noise than
+       form and competes as a soft line, with twice its length. Of what is left, stretches shorter than 6 px go too;
+       what would go over less than 4 px stays. Lines that cross are not parallel, so they stay.
+    3. **Joined**, before and after steps 2 and 4: ends at most 4 px apart at first, then `gap` px (`contour_gap`
+       between contours), but not farther than the shorter piece is long. Both must head for each other within `angle`
+       degrees (1.4 times that for contours), or overlap side by side by at most 6 px; ends within 2 px may bend by 60
+       degrees, and two free ends of contours by 90. Straightest and nearest pairs first, the same kind before others,
+       never across a third hard line. A joined stroke has the kind of its longest part, of the hard ones where these
+       make up a third of it. Ends of one curve that meet close it.
+    4. **Dropped**: hard lines shorter than `isolated` px; 1.4 `attached` px with one end, `attached` px with both
+       within 6 px of another line. Soft lines, and short creases with an end more than 2.5 px from any line, of less
+       length x strength than `soft` px, and once more as much for every `crowd` px of other lines shorter than 30 px
+       within 24 px: noise comes in swarms. Anything shorter than `speck` px.
+    5. **Split** at corners of more than `corner` degrees within 6 px either side that are no zig-zag (0.75 times that
+       over 12 px), 11 px or more from the ends and from each other. A closed curve with no corner starts at its topmost
+       point (the leftmost of these); one with corners starts and ends at one and is open.
+    6. **Smoothed** along the stroke, by no more than `smooth` px, soft lines `smooth_soft` px; ends stay.
 
     Parameters
     ----------
     fragments : visible polylines, in pixels, points at any spacing
-    strength : (N,) in 0..1, per point; 1 for hard lines
-    size : (width, height) of the canvas, pixels
+    strength : (N,) in 0..1, per point; only that of soft lines counts
+    size : (width, height) of the canvas, pixels; all lengths grow with the longer side
     options : the numbers above
 
     Returns
@@ -391,7 +398,8 @@ def _drop(lines: _Lines, options: TidyOptions) -> _Lines:
     length = lines.lengths()
     attached = _near_others(lines, 6.0).reshape(-1, 2).sum(axis=1) * ~lines.closed
     crease = (lines.kind == _CREASE) & (length < options.long_crease)
-    soft = _SOFT[lines.kind] | (crease & (attached < 2))
+    loose = crease & ~_near_others(lines, 2.5).reshape(-1, 2).all(axis=1)  # the edges of a true solid meet
+    soft = _SOFT[lines.kind] | loose
     crowd = _crowd(lines, (length < 30.0) & (_SOFT[lines.kind] | crease), soft)
     need = options.soft * (1.0 + crowd / max(options.crowd, 1e-9))
     least = np.array([options.isolated, options.attached * 1.4, options.attached])[attached]
