@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt
 
 from .camera import Camera
 from .chaining import tidy
-from .curves import DEFAULT_SPACING, KINDS, Curves, owner, resample_curves, take_ragged
+from .curves import DEFAULT_SPACING, KINDS, Curves, owner, resample, resample_curves, take_ragged
 from .feature_curves import LineOptions, SurfaceCurves, ViewFields, feature_curves
 from .files import replace_file
 from .surface import Surface
@@ -25,6 +24,8 @@ SAMPLE = 1.0  # px between the points at which a line is asked whether it is see
 FLICKER = 2.5  # px
 DEPTH_STEP = 0.01  # of the depth: a jump, not a slope
 CLIP = 8.0  # of the 90th percentile
+FLAT = 0.1  # the least scale of a curvature: on a box, where more than 90 % is flat, the rest must not become infinite
+SHARP_KINDS = ("boundary", "crease", "intersection")  # lines that are edges of the mesh
 
 # The paper's eight geometry channels (its authors split the radial curvature by sign), then the screen-space normal.
 PAPER_MAPS = (
@@ -50,24 +51,30 @@ class FeatureMaps:
     values : (K, H, W) float32. PAPER_MAPS are scaled by their 90th percentile, background 1.
         "plain" is the raster of the curves, 1 px wide, 1 = line.
     covered : (H, W) bool, where the surface is seen
+    scale : (K,) float32, what the values of each map were divided by; 1 where it was not scaled
     """
 
     names: tuple[str, ...]
     values: np.ndarray
     covered: np.ndarray
+    scale: np.ndarray | None = None
 
     def __post_init__(self):
         values, covered = np.asarray(self.values, np.float32), np.asarray(self.covered, bool)
+        scale = np.ones(len(self.names), np.float32) if self.scale is None else np.asarray(self.scale, np.float32)
         if values.ndim != 3 or len(values) != len(self.names) or covered.shape != values.shape[1:]:
             raise ValueError(
                 f"FeatureMaps.values must have shape ({len(self.names)}, H, W) like covered (H, W), "
                 f"got {values.shape} and {covered.shape}"
             )
-        if not np.isfinite(values).all():
-            raise ValueError("FeatureMaps.values holds values that are not finite")
+        if scale.shape != (len(self.names),):
+            raise ValueError(f"FeatureMaps.scale must have shape ({len(self.names)},), got {scale.shape}")
+        if not (np.isfinite(values).all() and np.isfinite(scale).all()):
+            raise ValueError("FeatureMaps holds values that are not finite")
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "covered", covered)
+        object.__setattr__(self, "scale", scale)
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.values[self.names.index(name)]
@@ -150,7 +157,7 @@ def extract(
 def view_of(
     surface: Surface, camera: Camera, curves: Curves, spacing: float = DEFAULT_SPACING, scene: Scene | None = None
 ) -> View:
-    """A view with curves from elsewhere, clipped to the canvas and evenly spaced; the feature maps are the surface's."""
+    """A view with curves from elsewhere, clipped to the canvas and evenly spaced; the surface gives its maps."""
     curves = resample_curves(clip(curves, camera.width, camera.height), spacing)
     return View(camera, curves, feature_maps(surface, camera, curves, scene or Scene(surface)))
 
@@ -165,28 +172,18 @@ def visible_fragments(
     if not len(lines):
         return Curves.empty(), np.zeros(0)
     points = lines.points(surface)
-    xy, depth = camera.project(points)
-    which = owner(lines.offsets)
-    inner = np.flatnonzero(which[:-1] == which[1:])  # segments, by their first row
-    length = np.hypot(*(xy[inner + 1] - xy[inner]).T)
-    ahead = (depth[inner] > 1e-6) & (depth[inner + 1] > 1e-6)
-    pieces = np.where(ahead, np.clip(np.ceil(length / SAMPLE), 1, 10_000), 1).astype(np.int64)
-    # nodes: every segment's start and inner samples, then each line's last point
-    last = lines.offsets[1:] - 1
-    count = np.ones(len(xy), np.int64)
-    count[inner] = pieces
-    start = np.repeat(np.arange(len(xy)), count)
-    t = (np.arange(len(start)) - np.repeat(np.cumsum(count) - count, count)) / count[start]
-    after = np.minimum(start + 1, last[which[start]])
+    start, t = _nodes(points, lines.offsets, camera)
+    line = owner(lines.offsets)[start]
+    after = np.minimum(start + 1, lines.offsets[1:][line] - 1)
     node = points[start] + t[:, None] * (points[after] - points[start])
     strength = lines.strength[start] + t * (lines.strength[after] - lines.strength[start])
-    line = which[start]
-    sharp = np.isin(lines.kind, [KINDS.index("crease"), KINDS.index("boundary")])[line]
+    sharp = np.isin(lines.kind, [KINDS.index(kind) for kind in SHARP_KINDS])[line]
     node_xy, node_depth = camera.project(node)
-    size = np.array([camera.width, camera.height])
-    seen = (node_depth > 1e-6) & ((node_xy >= 0) & (node_xy <= size)).all(axis=1)
+    low, high = -1e-6, np.array([camera.width, camera.height]) + 1e-6
+    seen = (node_depth > 0.0) & ((node_xy >= low) & (node_xy <= high)).all(axis=1)
     ask = np.flatnonzero(seen)
     seen[ask] = scene.seen(camera.eye, lines.face[start[ask]], node[ask], sharp[ask])
+    node_xy = np.clip(node_xy, 0.0, [camera.width, camera.height])
     step = np.r_[0.0, np.hypot(*np.diff(node_xy, axis=0).T)]
     for state in (False, True):  # first mend short gaps, then drop short sightings
         seen = _without_short_runs(seen, line, step, state)
@@ -197,6 +194,37 @@ def visible_fragments(
     kept = line[new[good]]
     whole = (end - new)[good] == np.bincount(line, minlength=len(lines))[kept]
     return Curves(node_xy[rows], offsets, lines.kind[kept], lines.closed[kept] & whole), strength[rows]
+
+
+def _nodes(points: np.ndarray, offsets: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Where along polylines in space (N, 3) to look: row (M,) and t (M,), the point row + t of the way to row + 1.
+
+    Every row, then points SAMPLE px apart as far as the canvas reaches, its very edge included.
+    """
+    here = np.arange(len(points))
+    after = np.minimum(here + 1, (offsets[1:] - 1)[owner(offsets)])
+    right, down, forward = camera.axes
+    rel = points - camera.eye
+    x, y, z = rel @ right * camera.focal, rel @ down * camera.focal, rel @ forward
+    # each side of the canvas, and the eye's own plane, is a linear function in space, positive inside
+    w, h = 0.5 * camera.width, 0.5 * camera.height
+    inside = np.stack([w * z + x, w * z - x, h * z + y, h * z - y, z - 1e-6], axis=1)
+    a, b = inside, inside[after]
+    crossing = a / np.where(a == b, 1.0, a - b)
+    t0 = np.where((a < 0) & (b > a), crossing, np.where(a < 0, 2.0, 0.0)).max(axis=1)
+    t1 = np.where((b < 0) & (a > b), crossing, np.where(b < 0, -1.0, 1.0)).min(axis=1)
+    meets = (t1 > t0) & (after != here)
+    t0, t1 = np.where(meets, t0, 0.0), np.where(meets, t1, 0.0)
+    span = points[after] - points
+    ends = [camera.project(points + np.where(meets, t, 0.0)[:, None] * span)[0] for t in (t0, t1)]
+    length = np.where(meets, np.hypot(*(ends[1] - ends[0]).T), 0.0)
+    pieces = np.maximum(np.ceil(length / SAMPLE), 1).astype(np.int64)
+    lead, tail = t0 > 0.0, meets & (t1 < 1.0)  # a row outside the canvas; an end on its edge
+    count = lead + pieces + tail
+    row = np.repeat(here, count)
+    k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) - lead[row]
+    t = t0[row] + (t1 - t0)[row] * np.maximum(k, 0) / pieces[row]
+    return row, np.where(k < 0, 0.0, t)
 
 
 def _without_short_runs(seen: np.ndarray, line: np.ndarray, step: np.ndarray, state: bool) -> np.ndarray:
@@ -256,45 +284,85 @@ def feature_maps(surface: Surface, camera: Camera, curves: Curves, scene: Scene)
     (Judd 2007), n.v. Each is divided by the 90th percentile of its size over the surface seen, and cut at +-CLIP;
     background 1. Then the normal on the screen (background 0) and the plain raster of the curves.
     """
-    eye = camera.eye
-    hits = scene.first_hit(eye, camera.rays(camera.pixel_centres()))
-    covered = hits.face >= 0
-    face, bary = hits.face[covered], hits.bary[covered].astype(np.float32)
-    view = ViewFields.of(surface, eye)
-    square = np.maximum(view.u**2 + view.v**2, 1e-6)
-    radial = view.radial_curvature(surface) / square
+    shape = (camera.height, camera.width)
+    covered, face, bary = _first_faces(surface, camera, scene)
+    view = ViewFields.of(surface, camera.eye)
+    radial = view.radial_curvature(surface) / np.maximum(view.u**2 + view.v**2, 1e-6)
     right, down, _ = camera.axes
     k_high, k_low = np.maximum(surface.k1, surface.k2), np.minimum(surface.k1, surface.k2)
     fields = np.stack(
         [camera.project(surface.vertices)[1], radial, view.radial_derivative(surface), k_high, k_low,
          view.view_curvature(surface)[0], view.n_dot_v, surface.normals @ right, surface.normals @ down], axis=1
     ).astype(np.float32)  # fmt: skip
-    seen = np.einsum("pi,pik->kp", bary, fields[surface.faces[face]])
+    corners = surface.faces[face]
+    seen = sum(bary[:, i, None] * fields[corners[:, i]] for i in range(3)).T  # (9, pixels seen)
     depth, radial, derivative, k_high, k_low, bend, facing, normal_x, normal_y = seen
     # an open surface may be seen from behind: its normal is taken towards the eye
     turn = np.where(facing < 0, -1.0, 1.0).astype(np.float32)
     channels = [depth, np.maximum(radial, 0), np.maximum(-radial, 0), derivative, k_high, k_low, bend, turn * facing]
     names = (*PAPER_MAPS, *NORMAL_MAPS, "plain")
-    values = np.ones((len(names), len(covered)), np.float32)
-    for row, channel in zip(values, channels, strict=False):
-        scale = np.percentile(np.abs(channel), 90) if len(channel) else 1.0
-        row[covered] = np.clip(channel / max(scale, 1e-6), -CLIP, CLIP)
-    values[-3:-1] = 0.0
-    values[-3, covered], values[-2, covered] = turn * normal_x, turn * normal_y
-    values[-1] = plain_raster(curves, camera.width, camera.height).ravel()
-    shape = (camera.height, camera.width)
-    # half precision from the start: what is saved is what was used
-    return FeatureMaps(names, values.astype(np.float16).reshape(-1, *shape), covered.reshape(shape))
+    scale = np.ones(len(names), np.float32)
+    values = np.ones((len(names), *shape), np.float32)
+    values[[names.index(name) for name in NORMAL_MAPS]] = 0.0
+    for i, channel in enumerate(channels):
+        scale[i] = max(_percentile(np.abs(channel), 0.9), 1e-6 if names[i] in ("depth", "n_dot_v") else FLAT)
+        channels[i] = np.clip(channel / scale[i], -CLIP, CLIP)
+    for row, channel in zip(values, [*channels, turn * normal_x, turn * normal_y], strict=False):
+        row[covered] = _half(channel)
+    values[-1] = _half(plain_raster(curves, camera.width, camera.height))
+    return FeatureMaps(names, values, covered, scale)
+
+
+def _first_faces(surface: Surface, camera: Camera, scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where the surface is seen (H, W), and there, row by row, its face (P,) and the place in it (P, 3) float32."""
+    covered = np.zeros((camera.height, camera.width), bool)
+    xy, depth = camera.project(surface.vertices)
+    left, top, last_column, last_row = 0, 0, camera.width, camera.height
+    if depth.min() > 1e-6:  # rays only where they can hit
+        left, top = (int(v) for v in np.clip(np.floor(xy.min(axis=0)) - 1, 0, [camera.width, camera.height]))
+        last_column, last_row = (int(v) for v in np.clip(np.ceil(xy.max(axis=0)) + 1, 0, [camera.width, camera.height]))
+    right, down, forward = camera.axes
+    x = (np.arange(left, last_column) + 0.5 - 0.5 * camera.width)[None, :, None] * right
+    y = (np.arange(top, last_row) + 0.5 - 0.5 * camera.height)[:, None, None] * down
+    rays = (x + (y + camera.focal * forward)).astype(np.float32).reshape(-1, 3)
+    hits = scene.first_hit(camera.eye, rays)
+    hit = hits.face >= 0
+    covered[top:last_row, left:last_column] = hit.reshape(last_row - top, last_column - left)
+    return covered, hits.face[hit], hits.bary[hit].astype(np.float32)
+
+
+def _percentile(values: np.ndarray, q: float) -> float:
+    """The value that a share q of them does not exceed; 1 where there are none."""
+    if not len(values):
+        return 1.0
+    k = int(q * (len(values) - 1))
+    return float(np.partition(values, k)[k])
+
+
+def _half(values: np.ndarray) -> np.ndarray:
+    """Rounded to half precision from the start, so that what is saved is what was used."""
+    return values.astype(np.float16).astype(np.float32)
 
 
 def plain_raster(curves: Curves, width: int, height: int) -> np.ndarray:
-    """Curves drawn 1 px wide, anti-aliased by 4 x 4 samples: (H, W) float32, 1 = line."""
-    over = 4
-    image = Image.new("L", (width * over, height * over))
-    pen = ImageDraw.Draw(image)
-    for i in range(len(curves)):
-        pen.line((curves[i] * over).ravel().tolist(), fill=255, width=over, joint="curve")
-    return np.asarray(image.reduce(over), np.float32) / 255.0
+    """Curves drawn 1 px wide, (H, W) float32: 1 on the line, falling to 0 at a pixel centre 1 px from it."""
+    out = np.zeros((height, width), np.float32)
+    if not len(curves):
+        return out
+    xy, offsets, _ = resample(curves.xy, curves.offsets, 3.0)
+    which = owner(offsets)
+    first = np.flatnonzero(which[:-1] == which[1:])
+    a, d = xy[first], xy[first + 1] - xy[first]  # pieces of 4.5 px at most: 7 x 7 pixels hold each with its margin
+    corner = np.floor(np.minimum(a, a + d) - 1.0).astype(np.int64)
+    step = np.arange(8)
+    x, y = corner[:, 0, None, None] + step, corner[:, 1, None, None] + step[:, None]  # (S, 1, 8), (S, 8, 1)
+    rx, ry = x + 0.5 - a[:, 0, None, None], y + 0.5 - a[:, 1, None, None]
+    dx, dy = d[:, 0, None, None], d[:, 1, None, None]
+    t = np.clip((rx * dx + ry * dy) / np.maximum(dx * dx + dy * dy, 1e-12), 0.0, 1.0)
+    ink = 1.0 - np.hypot(rx - t * dx, ry - t * dy)  # (S, 8, 8)
+    good = (ink > 0.0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    np.maximum.at(out.ravel(), (y * width + x)[good], ink[good].astype(np.float32))
+    return out
 
 
 # ---------------------------------------------------------------------------------------------------------- files
@@ -308,11 +376,17 @@ def save_view(path: str | Path, view: View) -> None:
         "camera": np.array(json.dumps(view.camera.to_dict())),
         "xy": curves.xy, "offsets": curves.offsets, "kind": curves.kind, "closed": curves.closed,
         "names": np.array(maps.names), "values": maps.values.astype(np.float16), "covered": np.packbits(maps.covered),
+        "scale": maps.scale,
     }  # fmt: skip
 
     def write(name):
-        with open(name, "wb") as file:
-            np.savez_compressed(file, **arrays)
+        # np.savez_compressed takes four times as long, and writes the time of day
+        with zipfile.ZipFile(name, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
+            for key, value in arrays.items():
+                entry = zipfile.ZipInfo(key + ".npy")
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                with file.open(entry, "w", force_zip64=True) as stream:
+                    np.lib.format.write_array(stream, np.asarray(value, order="C"), allow_pickle=False)
 
     replace_file(path, write)
 
@@ -330,7 +404,8 @@ def load_view(path: str | Path) -> View:
             curves = Curves(file["xy"], file["offsets"], file["kind"], file["closed"])
             count, shape = camera.width * camera.height, (camera.height, camera.width)
             covered = np.unpackbits(file["covered"], count=count).astype(bool).reshape(shape)
-            return View(camera, curves, FeatureMaps(tuple(map(str, file["names"])), file["values"], covered))
+            scale = file["scale"] if "scale" in file.files else None
+            return View(camera, curves, FeatureMaps(tuple(map(str, file["names"])), file["values"], covered, scale))
     except (zipfile.BadZipFile, EOFError, KeyError, zlib.error, TypeError) as error:
         raise ValueError(f"{path}: a damaged view ({error}); extract it again") from None
     except ValueError as error:
@@ -342,7 +417,9 @@ def load_view(path: str | Path) -> View:
 def view_to_json(view: View) -> dict:
     """Camera, curves and what the surface is like along them, for other programs. Points in pixels, two decimals."""
     curves = view.curves
-    fields = view.at_curves(("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y"))
+    names = ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")
+    scale = np.array([view.maps.scale[view.maps.names.index(name)] for name in names])
+    fields = view.at_curves(names) * scale
 
     def ragged(values, digits):
         flat = np.round(np.asarray(values, np.float64), digits).tolist()

@@ -57,7 +57,7 @@ class Scene:
         return np.ascontiguousarray((points - self._centre) * self._scale, dtype=np.float32)
 
     def _run(self, origins: np.ndarray, directions: np.ndarray) -> dict:
-        """First hits of rays (N, 3) in embree's own units; `directions` are unit vectors."""
+        """First hits of rays (N, 3) in embree's own units; distances are in lengths of the directions."""
         if not len(origins) or not len(self.faces):
             nothing = np.zeros(len(origins), np.float32)
             return {"primID": np.full(len(origins), -1), "tfar": nothing, "u": nothing, "v": nothing}
@@ -65,16 +65,15 @@ class Scene:
 
     def first_hit(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
         """What rays hit first. Origins (3,) or (N, 3), directions (N, 3) of any length."""
-        directions = np.asarray(directions, np.float64)
-        directions = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
+        directions = np.ascontiguousarray(directions, dtype=np.float32)
         origins = np.broadcast_to(self._local(np.asarray(origins, np.float64)), directions.shape)
         found = self._run(np.ascontiguousarray(origins), directions)
         face = found["primID"].astype(np.int64)
         miss = face < 0
-        u, v = found["u"].astype(np.float64), found["v"].astype(np.float64)
-        bary = np.stack([1.0 - u - v, u, v], axis=1)
+        bary = np.stack([1.0 - found["u"] - found["v"], found["u"], found["v"]], axis=1).astype(np.float64)
         bary[miss] = 0.0
-        return Hits(face, bary, np.where(miss, np.inf, found["tfar"] / self._scale))
+        length = np.sqrt(np.einsum("ij,ij->i", directions, directions))
+        return Hits(face, bary, np.where(miss, np.inf, found["tfar"]) * (length / self._scale))
 
     def seen(self, eye: np.ndarray, face: np.ndarray, position: np.ndarray, sharp: np.ndarray) -> np.ndarray:
         """Is a point of a line on the surface seen from the eye?
