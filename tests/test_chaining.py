@@ -52,6 +52,12 @@ def test_a_weaker_soft_line_gives_way_whatever_its_kind():
     assert len(out) == 1 and out.kind[0] == VALLEY and abs(out.lengths()[0] - 200) < 1
 
 
+def test_strength_counts_as_much_as_length():
+    out = draw(line((100, 100), (300, 100)), line((150, 103), (250, 103)), kind=RIDGE, strength=[0.3, 0.9])
+    middle = out.xy[np.abs(out.xy[:, 0] - 200) < 20]
+    assert np.allclose(middle[:, 1], 103, atol=0.1)
+
+
 def test_only_the_parallel_part_goes():
     bent = np.concatenate([line((100, 101), (200, 101)), line((202, 103), (280, 181))])
     out = draw(line((80, 100), (320, 100)), bent, kind=[CONTOUR, CREASE])
@@ -102,8 +108,9 @@ def test_what_is_joined(second, joined):
     assert len(out) == (1 if joined else 2)
 
 
-def test_overlapping_ends_leave_no_fold():
-    out = draw(line((100, 100), (200, 100)), line((196, 101), (300, 101)))
+@pytest.mark.parametrize("start", [195.0, 197.6, 198.6])
+def test_overlapping_ends_leave_no_fold(start):
+    out = draw(line((100, 100), (200, 100)), line((start, 101.8), (300, 101.8)))
     assert len(out) == 1 and (np.diff(out[0][:, 0]) > 0).all()
 
 
@@ -153,6 +160,12 @@ def test_a_square_is_four_strokes_and_a_zigzag_is_one():
     x = np.arange(100.0, 300.0, 2.0)
     zigzag = np.stack([x, 100 + np.where(np.arange(len(x)) % 2, 0.9, -0.9)], axis=1)
     assert len(draw(zigzag, kind=RIDGE)) == 1
+
+
+def test_a_dent_is_no_corner():
+    dent = np.array([(200, 100), (204, 103.6), (208, 100)], float)
+    out = draw(np.concatenate([line((100, 100), (199, 100)), dent, line((209, 100), (300, 100))]))
+    assert len(out) == 1 and not out.closed[0]
 
 
 def test_an_open_corner_is_split_where_it_is():
@@ -208,6 +221,16 @@ def test_zigzag_is_smoothed_within_bounds(kind, limit):
     assert cKDTree(dense).query(smooth)[0].max() <= limit + 0.1
     ends = {tuple(p.round(9)) for p in (smooth[0], smooth[-1])}
     assert ends == {tuple(p.round(9)) for p in (rough[0], rough[-1])}
+
+
+@pytest.mark.parametrize(("kind", "limit"), [(CONTOUR, 0.5), (RIDGE, 1.5)])
+def test_a_bend_keeps_its_place(kind, limit):
+    a = np.radians(66.0)
+    tip = np.array((200.0, 200.0))
+    leg = line(tip, tip + 100 * np.array((np.cos(a), np.sin(a))))
+    out = draw(np.concatenate([line((100, 200), tip), leg[1:]]), kind=kind)
+    assert len(out) == 1
+    assert 0.2 * limit < cKDTree(out.xy).query(tip)[0] <= limit + 0.01
 
 
 # ------------------------------------------------------------------------------------------------------ for any input
