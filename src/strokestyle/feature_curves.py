@@ -208,13 +208,17 @@ def surface_lines(surface: Surface, options: LineOptions) -> SurfaceCurves:
 
 
 def _facing(surface: Surface, view: ViewFields, options: LineOptions) -> SurfaceCurves:
-    """surface_lines less the curves that face away all along, on closed surfaces."""
+    """surface_lines less the ridges and valleys that face away all along, on closed surfaces.
+
+    A crease may be seen though all vertex normals about it face away: one of its two sides does not.
+    """
     curves = surface_lines(surface, options)
     if not len(curves):
         return curves
     front = (view.n_dot_v > 0.0) | ~surface.closed_vertices
     seen = front[surface.faces[curves.face]].any(axis=1)
-    return curves.take(np.add.reduceat(seen, curves.offsets[:-1]) > 0)
+    sharp = np.isin(curves.kind, [KINDS.index("crease"), KINDS.index("boundary")])
+    return curves.take(sharp | (np.add.reduceat(seen, curves.offsets[:-1]) > 0))
 
 
 # ------------------------------------------------------------------------------------------------- fields of a view
@@ -263,7 +267,8 @@ class ViewFields:
         """Judd 2007: largest squared singular value (V,) of the curvature seen in the image, and its direction in
         the tangent plane, world coordinates (V, 3)."""
         square = self.u**2 + self.v**2
-        stretch = np.where(square > 1e-12, (1.0 / np.maximum(np.abs(self.n_dot_v), 1e-6) - 1.0) / np.maximum(square, 1e-12), 0.0)
+        stretch = (1.0 / np.maximum(np.abs(self.n_dot_v), 1e-6) - 1.0) / np.maximum(square, 1e-12)
+        stretch = np.where(square > 1e-12, stretch, 0.0)
         uu, uv, vv = stretch * self.u**2, stretch * self.u * self.v, stretch * self.v**2
         # Q = S P^-1: P^-1 stretches by 1 / n.v along the projected view direction
         q11, q12, q21, q22 = surface.k1 * (1.0 + uu), surface.k1 * uv, surface.k2 * uv, surface.k2 * (1.0 + vv)

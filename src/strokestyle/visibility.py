@@ -99,13 +99,9 @@ class Scene:
         position = np.asarray(position, np.float64)
         eye = np.asarray(eye, np.float64)
         edge = self.edge[face]
-        toward = eye - position
         normal = self.normals[self.faces[face]].sum(axis=1)  # of the whole face: enough for a lift
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-        # an open surface can be seen from behind; there it is lifted on that side
-        behind = np.einsum("ij,ij->i", normal, toward) < -0.3 * np.linalg.norm(toward, axis=1)
-        lift = LIFT * edge * np.where(sharp, 0.0, np.where(behind, -1.0, 1.0))
-        target = position + normal * lift[:, None]
+        target = position + normal * np.where(sharp, 0.0, LIFT * edge)[:, None]
         ray = target - eye
         length = np.linalg.norm(ray, axis=1)
         ray /= np.maximum(length, 1e-300)[:, None]
