@@ -151,9 +151,11 @@ def settle(values) -> np.ndarray:
         values[tuple(flip.T)] = -1e-3 * np.sign(values[tuple(flip.T)] + 1e-300)
 
 
-def surface_nets(f: Field, low, high, h) -> Mesh:
+def surface_nets(f: Field, low, high, h, place=None) -> Mesh:
     """The surface f = 0 in the box, by dual polygons: a vertex in every cell of the grid that the surface crosses,
     a quad round every grid edge that it crosses, cut along the diagonal that lies nearer to the surface.
+
+    `place(f, vertices, quads, h)` puts the vertices on the surface; by default each takes the shortest way.
     """
     values, origin = sample(f, low, high, h)
     crossings, quads = [], []
@@ -170,8 +172,34 @@ def surface_nets(f: Field, low, high, h) -> Mesh:
     points = np.concatenate(crossings).repeat(4, axis=0)
     vertices = np.stack([np.bincount(quads.ravel(), points[:, i]) for i in range(3)], axis=1)
     vertices /= np.bincount(quads.ravel())[:, None]
-    vertices = project(f, vertices)
+    vertices = place(f, vertices, quads, h) if place else project(f, vertices)
     return vertices, cut_quads(f, vertices, quads)
+
+
+def sharpen(f: Field, vertices, quads, h, steps=14) -> np.ndarray:
+    """Vertices (V, 3) on the surface, on its edges and corners where these are near (dual contouring).
+
+    The surface near a vertex is taken for the planes seen from points round it. The vertex goes where they meet, and
+    slides towards the mean of its neighbours in what directions they leave open: two, one on an edge, none in a corner.
+    """
+    around = 0.4 * h * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+    for step in range(steps):
+        points = (vertices[:, None] + around).reshape(-1, 3)
+        value, n = normal(f, points)
+        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)
+        n, value = n.reshape(-1, len(around), 3), value.reshape(-1, len(around))
+        offset = value - (n * around).sum(2)  # n.x + offset = 0 for x from the vertex
+        size, way = np.linalg.eigh(np.einsum("vai,vaj->vij", n, n))
+        held = size > 0.05 * size[:, 2:]
+        pull = np.einsum("vij,vai,va->vj", way, n, -offset)
+        move = np.where(held, pull / np.maximum(size, 1e-9), 0.0)
+        if step < steps - 4:
+            slide = 0.5 * (neighbours_mean(quads, vertices) - vertices)
+            move += np.where(held, 0.0, np.einsum("vij,vi->vj", way, slide))
+        move = np.einsum("vij,vj->vi", way, move)
+        reach = np.linalg.norm(move, axis=1, keepdims=True)
+        vertices = vertices + move * np.minimum(1.0, 0.8 * h / np.maximum(reach, 1e-12))
+    return vertices
 
 
 def cut_quads(f: Field, vertices, quads) -> np.ndarray:
@@ -230,8 +258,9 @@ def refine(f: Field, mesh: Mesh, degrees: float, least: float) -> Mesh:
 def polygonise(f: Field, low, high, h, degrees=30.0) -> Mesh:
     """The smooth surface f = 0 in the box: triangles of size h, smaller where the surface turns quickly."""
     mesh = relax(f, even_valence(surface_nets(f, low, high, h)), 4)
-    mesh = even_valence(refine(f, mesh, degrees, 0.5 * h))
-    return relax(f, even_valence(mesh))
+    for least in (0.5 * h, 0.3 * h):
+        mesh = relax(f, even_valence(refine(f, mesh, degrees, least)), 3)
+    return relax(f, even_valence(mesh), 4)
 
 
 def even_valence(mesh: Mesh, rounds=4) -> Mesh:
@@ -278,7 +307,7 @@ def sides(p):
 
 def elephant() -> Mesh:
     """A young elephant walking towards +z, its head turned a little, its trunk up."""
-    nod = turn("y", 14) @ turn("x", -4)
+    nod = turn("y", -24) @ turn("x", -4)
     neck, size = np.array([0.0, 0.72, 0.25]), 1.12
 
     def head(p):  # in the head's own frame: the neck at the origin, z forward
@@ -296,10 +325,7 @@ def elephant() -> Mesh:
              (0, -0.37, 0.66), (0, -0.29, 0.74), (0, -0.18, 0.74), (0, -0.10, 0.70)],
             [0.115, 0.105, 0.088, 0.074, 0.063, 0.056, 0.05, 0.046, 0.046],
         )
-        tip = ellipsoid(p, [0.0, -0.075, 0.69], [0.028, 0.03, 0.028])
-        tusk = tube(s, [(0.075, -0.05, 0.27), (0.10, -0.12, 0.37), (0.118, -0.14, 0.45), (0.122, -0.11, 0.52)],
-                    [0.028, 0.026, 0.019, 0.008])
-        q = (s - [0.15, 0.10, 0.03]) @ (turn("y", 38) @ turn("z", -10)).T
+        q = (s - [0.15, 0.10, 0.03]) @ (turn("y", 20) @ turn("z", -10)).T
         q = q + np.array([0.0, 0.0, 1.0]) * (0.5 * q[:, 1:2] ** 2 - 0.9 * (q[:, :1] - 0.06) ** 2)  # hollow in front
         outline = blend(
             ellipsoid(q[:, :2], [0.14, 0.04], [0.16, 0.165]),
@@ -310,9 +336,8 @@ def elephant() -> Mesh:
         out = blend(skull, lip, k=0.07)
         out = blend(out, trunk, k=0.09)
         out = blend(out, ear, k=0.035)
-        out = blend(out, tusk, k=0.012)
-        lid = ellipsoid(s, [0.157, 0.092, 0.232], [0.036, 0.034, 0.042])
-        eye = ellipsoid(s, [0.166, 0.075, 0.242], [0.026, 0.026, 0.026])
+        lid = ellipsoid(s, [0.150, 0.095, 0.225], [0.038, 0.034, 0.046])
+        eye = ellipsoid(s, [0.160, 0.074, 0.235], [0.024, 0.026, 0.026])
         out = blend(out, lid, k=0.03)
         return blend(out, eye, k=0.005)
 
@@ -331,19 +356,267 @@ def elephant() -> Mesh:
             top, knee = np.array([0.9 * x, 0.50, z]), np.array([1.03 * x, 0.27 + lift, z + 0.5 * swing + 0.015])
             leg = tube(p, [top, knee, foot + [0, 0.11, 0], foot + [0, 0.02, 0]], [0.14, 0.108, 0.095, 0.106])
             leg = carve(leg, p[:, 1] - foot[1], k=0.03)  # a flat sole
-            toes = [ellipsoid(p, foot + [0.095 * np.sin(a), 0.032, 0.095 * np.cos(a)], [0.028, 0.03, 0.024])
-                    for a in np.radians([-45, 0, 45])]
-            legs.append(blend(leg, *toes, k=0.012))
-        tail = tube(p, [(0, 0.72, -0.40), (0, 0.66, -0.455), (-0.015, 0.53, -0.49), (-0.06, 0.42, -0.50),
-                        (-0.085, 0.36, -0.50)], [0.04, 0.028, 0.021, 0.018, 0.016])
-        tuft = tube(p, [(-0.08, 0.37, -0.50), (-0.10, 0.31, -0.505), (-0.105, 0.24, -0.515)], [0.016, 0.036, 0.01])
+            toes = [ellipsoid(p, foot + [0.1 * np.sin(a), 0.036, 0.1 * np.cos(a)], [0.03, 0.034, 0.022])
+                    for a in np.radians([-48, 0, 48])]
+            legs.append(blend(leg, *toes, k=0.006))
+        tail = tube(p, [(0, 0.72, -0.40), (-0.01, 0.70, -0.50), (-0.03, 0.60, -0.575), (-0.06, 0.48, -0.60),
+                        (-0.08, 0.42, -0.625)], [0.045, 0.03, 0.022, 0.018, 0.016])
+        tuft = tube(p, [(-0.075, 0.44, -0.615), (-0.10, 0.37, -0.655), (-0.11, 0.29, -0.71)], [0.014, 0.04, 0.008])
         out = blend(body, legs[0], legs[1], k=0.07)
         out = blend(out, legs[2], legs[3], k=0.07)
         out = blend(out, blend(tail, tuft, k=0.015), k=0.04)
         return blend(out, size * near((p - neck) @ nod.T / size, [0.0, 0.0, 0.3], 0.72, head), k=0.06)
 
-    vertices, faces = polygonise(f, [-0.6, -0.03, -0.6], [0.6, 1.2, 1.25], 0.024, degrees=30)
+    vertices, faces = polygonise(f, [-0.75, -0.03, -0.78], [0.75, 1.2, 1.25], 0.025, degrees=25)
     return vertices @ turn("y", 28), faces
+
+
+def hand() -> Mesh:
+    """A right hand held up, its palm to the front, the fingers a little spread and bent."""
+
+    def f(p):
+        palm = blend(
+            ellipsoid(p, [-0.02, 0.02, 0.0], [0.20, 0.25, 0.075], turn("z", 4)),
+            ellipsoid(p, [0.105, -0.07, 0.035], [0.085, 0.17, 0.07], turn("z", 18)),  # the ball of the thumb
+            ellipsoid(p, [-0.12, -0.06, 0.03], [0.07, 0.19, 0.062]),
+            ellipsoid(p, [0.0, 0.17, 0.02], [0.185, 0.06, 0.055], turn("z", 6)),  # the pads below the fingers
+            k=0.07,
+        )
+        wrist = tube(p, [(0.0, -0.10, -0.01), (0.0, -0.28, -0.02), (-0.01, -0.50, -0.03)], [0.10, 0.088, 0.098])
+        wrist = carve(wrist, -p[:, 1] - 0.46, k=0.02)
+        out = blend(palm, blend(wrist, ellipsoid(p, [0.0, -0.33, -0.03], [0.125, 0.16, 0.07]), k=0.08), k=0.10)
+        fingers = []
+        for root, lean, curl, length, r in (
+            ((0.135, 0.20), 9.0, 24.0, 0.36, 0.048),
+            ((0.045, 0.235), 1.0, 18.0, 0.40, 0.050),
+            ((-0.050, 0.225), -6.0, 30.0, 0.37, 0.047),
+            ((-0.140, 0.175), -17.0, 36.0, 0.29, 0.041),
+        ):
+            x = np.array([root[0], root[1] - 0.06, 0.0])
+            points, way = [x], np.array([np.sin(np.radians(lean)), np.cos(np.radians(lean))])
+            for joint, part in enumerate((0.06, 0.40 * length, 0.33 * length, 0.27 * length)):
+                a = np.radians(curl * (0.0, 0.25, 1.0, 1.7)[joint])
+                x = x + part * np.array([way[0] * np.cos(a), way[1] * np.cos(a), np.sin(a)])
+                points.append(x)
+            fingers.append(tube(p, points, r * np.array([1.0, 1.06, 1.0, 0.92, 0.78])))
+        thumb = tube(p, [(0.07, -0.15, 0.03), (0.17, -0.03, 0.055), (0.262, 0.075, 0.075), (0.318, 0.175, 0.075)],
+                     [0.06, 0.064, 0.056, 0.043])
+        out = blend(out, thumb, k=0.05)
+        web = fingers[0]
+        for finger in fingers[1:]:
+            web = blend(web, finger, k=0.012)
+        return blend(out, web, k=0.035)
+
+    vertices, faces = polygonise(f, [-0.40, -0.52, -0.2], [0.45, 0.72, 0.42], 0.0145, degrees=40)
+    return vertices @ turn("y", -12), faces
+
+
+def bracket() -> Mesh:
+    """A cast bracket: base with bolt holes and a slot, upright with a bored boss, two ribs, fillets between them."""
+
+    def rectangle(a, b, half, r):
+        q = np.stack([np.abs(a) - half[0] + r, np.abs(b) - half[1] + r])
+        return np.minimum(q.max(axis=0), 0.0) + np.hypot(*np.maximum(q, 0.0)) - r
+
+    def slot(a, b, reach, r):  # a stadium along a
+        return np.hypot(np.maximum(np.abs(a) - reach, 0.0), b) - r
+
+    def fillet(a, b, r):  # union with a circular fillet of radius r
+        return np.maximum(np.minimum(a, b), r) - np.hypot(np.maximum(r - a, 0.0), np.maximum(r - b, 0.0))
+
+    def f(p):
+        x, y, z = p.T
+        bore = np.hypot(x, y - 0.47)
+        base = np.maximum(rectangle(x, z - 0.05, (0.6, 0.4), 0.13), y - 0.10)
+        upright = np.maximum(np.hypot(x, np.maximum(y - 0.47, 0.0)) - 0.30, z + 0.24)
+        upright = np.where(y < 0.47, np.maximum(np.abs(x) - 0.30, z + 0.24), upright)
+        boss = np.maximum(bore - 0.20, z + 0.12)
+        slope = (0.34 * (y - 0.10) + 0.50 * (z + 0.24) - 0.34 * 0.50) / np.hypot(0.34, 0.50)
+        ribs = np.maximum(np.maximum(np.abs(np.abs(x) - 0.25) - 0.035, slope), z - 0.22)
+        out = fillet(fillet(fillet(base, upright, 0.06), ribs, 0.03), boss, 0.03)
+        out = np.maximum(out, np.maximum(-0.35 - z, -y))  # flat at the back and below
+        holes = np.minimum(bore - 0.12, (bore - 0.12 + (-0.12 - z) + -0.025) * np.sqrt(0.5))  # with a chamfer
+        bolt = np.hypot(np.abs(x) - 0.45, z - 0.17)
+        holes = np.minimum(holes, np.minimum(bolt - 0.055, np.maximum(bolt - 0.095, 0.07 - y)))  # counterbored
+        return np.maximum(out, -np.minimum(holes, slot(x, z - 0.30, 0.10, 0.045)))
+
+    return surface_nets(f, [-0.6513, -0.0531, -0.3987], [0.65, 0.82, 0.50], 0.0197, place=sharpen)
+
+
+def teapot() -> Mesh:
+    """Martin Newell's teapot in Blinn's proportions.
+
+    The numbers are those of his control points as they have been passed on since 1975 (M. E. Newell, The Utilization of
+    Procedure Models in Digital Image Synthesis, Ph.D. thesis, University of Utah; GLUT's and S. J. Baker's listings
+    agree). Rim, body, lid and bottom repeat one quarter four times; handle and spout are halves and mirror images.
+    Two liberties: the lid is widened by 1.4/1.3 so that it closes the pot, and handle and spout begin where they leave
+    the body.
+    """
+    fit = 1.4 / 1.3
+    profile = [  # per cubic: radius, height of four control points, from the knob's top to the middle of the bottom
+        [(0.0, 3.15), (0.8, 3.15), (0.0, 2.85), (0.2, 2.7)],
+        [(0.2, 2.7), (0.4 * fit, 2.55), (1.3 * fit, 2.55), (1.3 * fit, 2.4)],
+        [(1.4, 2.4), (1.3375, 2.53125), (1.4375, 2.53125), (1.5, 2.4)],
+        [(1.5, 2.4), (1.75, 1.875), (2.0, 1.35), (2.0, 0.9)],
+        [(2.0, 0.9), (2.0, 0.45), (1.5, 0.225), (1.5, 0.15)],
+        [(1.5, 0.15), (1.5, 0.075), (1.425, 0.0), (0.0, 0.0)],
+    ]
+    handle = [  # rows of half a tube: x, y, z of four control points
+        [[(-1.6, 0, 2.025), (-1.6, -0.3, 2.025), (-1.5, -0.3, 2.25), (-1.5, 0, 2.25)],
+         [(-2.3, 0, 2.025), (-2.3, -0.3, 2.025), (-2.5, -0.3, 2.25), (-2.5, 0, 2.25)],
+         [(-2.7, 0, 2.025), (-2.7, -0.3, 2.025), (-3.0, -0.3, 2.25), (-3.0, 0, 2.25)],
+         [(-2.7, 0, 1.8), (-2.7, -0.3, 1.8), (-3.0, -0.3, 1.8), (-3.0, 0, 1.8)]],
+        [[(-2.7, 0, 1.8), (-2.7, -0.3, 1.8), (-3.0, -0.3, 1.8), (-3.0, 0, 1.8)],
+         [(-2.7, 0, 1.575), (-2.7, -0.3, 1.575), (-3.0, -0.3, 1.35), (-3.0, 0, 1.35)],
+         [(-2.5, 0, 1.125), (-2.5, -0.3, 1.125), (-2.65, -0.3, 0.9375), (-2.65, 0, 0.9375)],
+         [(-2.0, 0, 0.9), (-2.0, -0.3, 0.9), (-1.9, -0.3, 0.6), (-1.9, 0, 0.6)]],
+    ]
+    spout = [
+        [[(1.7, 0, 1.425), (1.7, -0.66, 1.425), (1.7, -0.66, 0.6), (1.7, 0, 0.6)],
+         [(2.6, 0, 1.425), (2.6, -0.66, 1.425), (3.1, -0.66, 0.825), (3.1, 0, 0.825)],
+         [(2.3, 0, 2.1), (2.3, -0.25, 2.1), (2.4, -0.25, 2.025), (2.4, 0, 2.025)],
+         [(2.7, 0, 2.4), (2.7, -0.25, 2.4), (3.3, -0.25, 2.4), (3.3, 0, 2.4)]],
+        [[(2.7, 0, 2.4), (2.7, -0.25, 2.4), (3.3, -0.25, 2.4), (3.3, 0, 2.4)],
+         [(2.8, 0, 2.475), (2.8, -0.25, 2.475), (3.525, -0.25, 2.49375), (3.525, 0, 2.49375)],
+         [(2.9, 0, 2.475), (2.9, -0.15, 2.475), (3.45, -0.15, 2.5125), (3.45, 0, 2.5125)],
+         [(2.8, 0, 2.4), (2.8, -0.15, 2.4), (3.2, -0.15, 2.4), (3.2, 0, 2.4)]],
+    ]
+    profile = np.array(profile)
+
+    def bernstein(t):
+        t = np.asarray(t, float)[..., None]
+        return np.concatenate([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=-1)
+
+    def arc(turns):  # the quarter of a circle as the control points draw it: radius 1 only at its ends
+        quarter, t = np.divmod(4.0 * turns, 1.0)
+        x, y = (bernstein(t) @ np.array([[1.0, 0.0], [1.0, 0.56], [0.56, 1.0], [0.0, 1.0]])).T
+        c, s = np.round(np.cos(0.5 * np.pi * quarter)), np.round(np.sin(0.5 * np.pi * quarter))
+        return np.stack([c * x - s * y, s * x + c * y], axis=1)
+
+    def tube_at(rows, u, v):  # u along the tube in 0..2, v round it in 0..1
+        piece = np.minimum(u.astype(int), 1)
+        half = np.where(v < 0.5, 2.0 * v, 2.0 - 2.0 * v)
+        p = np.einsum("na,nabk,nb->nk", bernstein(u - piece), np.array(rows, float)[piece], bernstein(half))
+        p[v > 0.5, 1] *= -1.0
+        return p
+
+    fine = np.concatenate([bernstein(np.linspace(0, 1, 200)) @ c for c in profile[3:5]])[::-1]
+
+    def outside(p):  # of the body, in its radius at that height
+        turns = np.arctan2(p[:, 1], p[:, 0]) / (2 * np.pi) % 1.0
+        return np.hypot(p[:, 0], p[:, 1]) / np.hypot(*arc(turns).T) - np.interp(p[:, 2], fine[:, 1], fine[:, 0])
+
+    def body() -> Mesh:
+        size = 0.105
+        line = [profile[0][0]]
+        for c in profile:
+            length = np.linalg.norm(np.diff(bernstein(np.linspace(0, 1, 50)) @ c, axis=0), axis=1).sum()
+            count = max(int(round(length / size)), 5)
+            line += list(bernstein(np.arange(1, count + 1) / count) @ c)
+        rings = []
+        for r, z in line:
+            sides = 4 * max(int(2 ** np.round(np.log2(2 * np.pi * r / size / 4))), 1) if r > 1e-9 else 1
+            rings.append(np.column_stack([r * arc(np.arange(sides) / sides), np.full(sides, z)]))
+        return loft(rings)
+
+    def rod(rows, around, along, first) -> Mesh:
+        v = np.arange(around) / around
+        low, high = np.zeros(around), np.full(around, 1.0)
+        for _ in range(40):  # where each line along the tube leaves the body
+            middle = 0.5 * (low + high)
+            hidden = outside(tube_at(rows, middle, v)) < 0.004
+            low, high = np.where(hidden, middle, low), np.where(hidden, high, middle)
+        start = high if first else np.zeros(around)
+        steps = [tube_at(rows, start + (2.0 - start) * t, v) for t in np.linspace(0, 1, along + 1)]
+        vertices, faces = loft(steps)
+        return vertices, faces[:, ::-1]
+
+    parts = [body(), rod(handle, 24, 56, True), rod(spout, 40, 44, True)]
+    starts = np.cumsum([0] + [len(v) for v, _ in parts])
+    vertices = np.concatenate([v for v, _ in parts])
+    return vertices[:, [0, 2, 1]] * [1, 1, -1], np.concatenate([f + n for (_, f), n in zip(parts, starts, strict=False)])
+
+
+def loft(rings: list[np.ndarray]) -> Mesh:
+    """A skin over closed rings (n, 3) that run counter-clockwise seen from the first: n the same, half or double."""
+    faces, start = [], 0
+    for a, b in zip(rings[:-1], rings[1:], strict=True):
+        n, m = len(a), len(b)
+        k = np.arange(max(n, m))
+        ia, ib = start + k * n // max(n, m), start + n + k * m // max(n, m)
+        ja, jb = start + (k + 1) * n // max(n, m) % n, start + n + (k + 1) * m // max(n, m) % m
+        if n == m:  # along the shorter diagonal
+            short = np.linalg.norm(a - np.roll(b, -1, axis=0), axis=1) <= np.linalg.norm(np.roll(a, -1, 0) - b, axis=1)
+            faces += [np.where(short[:, None], np.stack([ia, ib, jb], 1), np.stack([ia, ib, ja], 1))]
+            faces += [np.where(short[:, None], np.stack([ia, jb, ja], 1), np.stack([ja, ib, jb], 1))]
+        else:
+            both = np.concatenate([np.stack([ia, ib, jb], 1), np.stack([ia, jb, ja], 1)])
+            faces.append(both[(both != np.roll(both, 1, axis=1)).all(axis=1)])
+        start += n
+    return np.concatenate(rings), np.concatenate(faces)
+
+
+def cloth() -> Mesh:
+    """A square cloth let fall over a ball: masses held at their distances, gravity, friction; then a smooth spline."""
+    n, side, radius = 45, 2.3, 0.55
+    ball = np.array([0.0, -radius, 0.0])
+    u = np.linspace(-0.5, 0.5, n) * side
+    grid = np.stack([*np.meshgrid(u, u, indexing="ij")], axis=-1)
+    c, s = np.cos(0.35), np.sin(0.35)
+    x = np.stack([c * grid[..., 0] - s * grid[..., 1] + 0.10, np.full((n, n), 0.02),
+                  s * grid[..., 0] + c * grid[..., 1] + 0.05], axis=-1)
+    x[..., 1] += 0.01 * np.sin(3.0 * grid[..., 0] + 1.0) * np.cos(2.0 * grid[..., 1])
+    speed, dt, edge = np.zeros_like(x), 1 / 60, side / (n - 1)
+    links = []  # (rows a, rows b, length, stiffness), in groups that share no mass
+    for di, dj, stiff in ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.35), (1, -1, 0.35), (2, 0, 0.12), (0, 2, 0.12)):
+        i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+        inside = (i + di < n) & (0 <= j + dj) & (j + dj < n)
+        i, j = i[inside], j[inside]
+        colour = (i // di if di else j // dj) % 2
+        for k in (0, 1):
+            a, b = (i * n + j)[colour == k], ((i + di) * n + j + dj)[colour == k]
+            links.append((a, b, edge * np.hypot(di, dj), stiff))
+    flat = x.reshape(-1, 3)
+    for _ in range(260):
+        old = flat.copy()
+        speed = 0.985 * speed.reshape(-1, 3) - [0.0, 9.8 * dt, 0.0]
+        flat = flat + dt * speed
+        for _ in range(12):
+            for a, b, length, stiff in links:
+                d = flat[b] - flat[a]
+                gap = np.sqrt((d * d).sum(1))
+                d *= (0.5 * stiff * (gap - length) / gap)[:, None]
+                flat[a] += d
+                flat[b] -= d
+            off = flat - ball
+            far = np.sqrt((off * off).sum(1))
+            touch = far < radius + 0.02
+            flat[touch] = ball + off[touch] * ((radius + 0.02) / far[touch])[:, None]
+            flat[touch] = 0.7 * flat[touch] + 0.3 * (old[touch] + ball + 0.0 - ball)  # friction
+        speed = (flat - old) / dt
+    fine = spline_surface(flat.reshape(n, n, 3), 105)
+    k = np.arange(105 * 105).reshape(105, 105)
+    a, b, c_, d = (q.ravel() for q in (k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]))
+    return fine.reshape(-1, 3), np.concatenate([np.stack([a, c_, b], 1), np.stack([a, d, c_], 1)])
+
+
+def spline_surface(net: np.ndarray, count: int) -> np.ndarray:
+    """Points (count, count, 3) of the uniform bicubic B-spline over a net of control points (n, n, 3)."""
+
+    def weights(n):
+        t = np.linspace(0.0, n - 1.0, count)
+        i = np.minimum(t.astype(int), n - 2)
+        t = t - i
+        w = np.zeros((count, n + 2))  # the net is continued straight past its edges
+        for k, b in enumerate([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 3 * (t + t * t - t**3) + 1, t**3]):
+            w[np.arange(count), i + k] = b / 6
+        w[:, 1] += 2 * w[:, 0]
+        w[:, 2] -= w[:, 0]
+        w[:, -2] += 2 * w[:, -1]
+        w[:, -3] -= w[:, -1]
+        return w[:, 1:-1]
+
+    return np.einsum("ai,ijk,bj->abk", weights(len(net)), net, weights(net.shape[1]))
 
 
 def write_ply(path: Path, mesh: Mesh) -> None:
@@ -363,7 +636,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     path.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())
 
 
-SHAPES = {"elephant": elephant}
+SHAPES = {"elephant": elephant, "hand": hand, "bracket": bracket, "teapot": teapot, "cloth": cloth}
 
 
 def main(names: list[str]) -> None:
