@@ -13,7 +13,7 @@ from scipy.ndimage import distance_transform_edt
 
 from .camera import Camera
 from .chaining import tidy
-from .curves import DEFAULT_SPACING, KINDS, Curves, owner, resample, resample_curves, take_ragged
+from .curves import DEFAULT_SPACING, KINDS, Curves, owner, resample_curves, take_ragged
 from .feature_curves import LineOptions, SurfaceCurves, ViewFields, feature_curves
 from .files import replace_file
 from .surface import Surface
@@ -344,15 +344,24 @@ def _half(values: np.ndarray) -> np.ndarray:
     return values.astype(np.float16).astype(np.float32)
 
 
+def _may_meet(a: np.ndarray, b: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Whether the box of each segment, grown by 1 px, meets the canvas."""
+    return ((np.maximum(a, b) > -1.0) & (np.minimum(a, b) < np.array([width, height]) + 1.0)).all(axis=1)
+
+
 def plain_raster(curves: Curves, width: int, height: int) -> np.ndarray:
     """Curves drawn 1 px wide, (H, W) float32: 1 on the line, falling to 0 at a pixel centre 1 px from it."""
     out = np.zeros((height, width), np.float32)
     if not len(curves):
         return out
-    xy, offsets, _ = resample(curves.xy, curves.offsets, 3.0)
-    which = owner(offsets)
+    which = owner(curves.offsets)
     first = np.flatnonzero(which[:-1] == which[1:])
-    a, d = xy[first], xy[first + 1] - xy[first]  # pieces of 4.5 px at most: 7 x 7 pixels hold each with its margin
+    first = first[_may_meet(curves.xy[first], curves.xy[first + 1], width, height)]
+    d = curves.xy[first + 1] - curves.xy[first]
+    count = np.maximum(np.ceil(np.hypot(*d.T) / 4.0), 1).astype(np.int64)  # 8 x 8 pixels hold 4 px and their margin
+    d = np.repeat(d / count[:, None], count, axis=0)
+    k = np.arange(len(d)) - np.repeat(np.cumsum(count) - count, count)
+    a = np.repeat(curves.xy[first], count, axis=0) + k[:, None] * d
     corner = np.floor(np.minimum(a, a + d) - 1.0).astype(np.int64)
     step = np.arange(8)
     x, y = corner[:, 0, None, None] + step, corner[:, 1, None, None] + step[:, None]  # (S, 1, 8), (S, 8, 1)
@@ -395,19 +404,19 @@ def load_view(path: str | Path) -> View:
     """Read what `save_view` wrote. Raises ValueError, naming the file, on anything else; OSError where unreadable."""
     path = Path(path)
     try:
-        with np.load(path, allow_pickle=False) as file:
-            if not hasattr(file, "files") or "strokestyle_view" not in file.files:
+        with open(path, "rb") as handle, np.lib.npyio.NpzFile(handle) as file:
+            if "strokestyle_view" not in file.files:
                 raise ValueError("not a view saved by `strokestyle extract`")
             if int(file["strokestyle_view"]) > FORMAT:
                 raise ValueError("written by a newer strokestyle; update, or extract it again")
             camera = Camera.from_dict(json.loads(str(file["camera"])))
             curves = Curves(file["xy"], file["offsets"], file["kind"], file["closed"])
-            count, shape = camera.width * camera.height, (camera.height, camera.width)
-            covered = np.unpackbits(file["covered"], count=count).astype(bool).reshape(shape)
+            shape, bits = (camera.height, camera.width), np.unpackbits(file["covered"])
+            covered = bits[: shape[0] * shape[1]].astype(bool).reshape(shape)
             scale = file["scale"] if "scale" in file.files else None
             return View(camera, curves, FeatureMaps(tuple(map(str, file["names"])), file["values"], covered, scale))
     except (zipfile.BadZipFile, EOFError, KeyError, zlib.error, TypeError) as error:
-        raise ValueError(f"{path}: a damaged view ({error}); extract it again") from None
+        raise ValueError(f"{path}: not a view, or a damaged one ({error}); extract it again") from None
     except ValueError as error:
         if "pickled" in str(error):
             raise ValueError(f"{path}: not a view saved by `strokestyle extract`") from None
