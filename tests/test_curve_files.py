@@ -97,6 +97,8 @@ def test_a_rounded_rect_has_its_perimeter(tmp_path):
     assert np.isclose(curves.lengths()[0], 200 - 8 * 8 + 2 * np.pi * 8, rtol=2e-3)
     assert np.allclose([curves[0].min(axis=0), curves[0].max(axis=0)], [[5, 10], [65, 50]])
     assert np.allclose(curves[1], [[2, 2], [11, 2], [11, 7], [2, 7], [2, 2]])
+    pill = load(tmp_path, '<rect x="5" y="10" width="20" height="40" rx="90" ry="10"/>')
+    assert np.isclose(pill.lengths()[0], 40 + 20 * np.pi, rtol=5e-3)
 
 
 @pytest.mark.parametrize("tolerance", [1.0, 0.1, 0.01])
@@ -115,7 +117,8 @@ def test_chords_keep_within_the_tolerance_and_are_few(tolerance):
 
 def shape(d):
     subpaths = parse_path(d)
-    return flatten(np.concatenate(subpaths), np.r_[0, np.cumsum([len(s) for s in subpaths])], 0.1)
+    cubics = np.concatenate(subpaths).reshape(-1, 4, 2)
+    return flatten(cubics, np.r_[0, np.cumsum([len(s) for s in subpaths])], 0.1)
 
 
 @pytest.mark.parametrize(
@@ -275,6 +278,11 @@ def test_closed_and_repeated_subpaths(tmp_path):
     assert all(np.array_equal(curves[i][0], curves[i][-1]) for i in (0, 1, 3))
 
 
+def test_rounding_does_not_open_a_curve(tmp_path):
+    curves = load(tmp_path, '<path d="m5.3 5.1l.1.2.2.1.1-.2-.4-.1"/><path d="m5.3 5.1l.1.2.2.1.1-.2-.4-.09"/>')
+    assert curves.closed.tolist() == [True, False] and np.array_equal(curves[0][0], curves[0][-1])
+
+
 def test_what_is_hidden_is_no_line(tmp_path):
     line = '<path d="M0 0L9 9"/>'
     hidden = f"""<defs>{line}</defs><g display="none">{line}</g><clipPath>{line}</clipPath>
@@ -393,6 +401,8 @@ BAD = {
     "cut.json": '{"curves": [[[1, 2], [3',
     "deep.json": "[" * 100000,
     "flat.json": '{"curves": [[1, 2]]}',
+    "texts.json": '{"curves": [[["1", "2"], ["3", "4"]]]}',
+    "truths.json": '{"curves": [[[true, false], [false, true]]]}',
     "words.json": '{"curves": [[["a", 2], [3, 4]]]}',
     "ragged.json": '{"curves": [[[1, 2], [3]]]}',
     "nan.json": '{"curves": [[[NaN, 2], [3, 4]]]}',
@@ -420,7 +430,7 @@ def test_bad_files_are_refused_in_one_line(tmp_path, name):
 @pytest.mark.parametrize(
     "body, place",
     [
-        ('<g>\n<path id="p1" d="M0 0 L9 banana"/></g>', 'line 2, <path id="p1">: bad d at character 8, "banana"'),
+        ('<g>\n<path id="p1" d="M0 0 L9 banana"/></g>', 'line 2, <path id="p1">: bad d at character 9, "banana"'),
         ('<path id="a\nb" d="9 9"/>', 'bad d at character 1, "9 9": expected M or m first'),
         ('<polygon points="1 2 3 4 5"/>', "bad points at character 10"),
         ('<path d="M0 0A5 5 0 2 0 9 9"/>', "expected a flag of A, 0 or 1"),
@@ -463,10 +473,11 @@ def test_references_are_not_followed(tmp_path):
 @pytest.mark.parametrize(
     "limit, value, found",
     [
-        ("MAX_POINTS", 5, "5 "),
-        ("MAX_CURVES", 1, "1 curves"),
-        ("MAX_ELEMENTS", 3, "3 elements"),
+        ("MAX_POINTS", 5, "than 5"),
+        ("MAX_CURVES", 1, "curves"),
+        ("MAX_ELEMENTS", 3, "than (3 elements|15 attributes)"),
         ("MAX_BYTES", 99, "MB"),
+        ("MAX_TEXT", 10, "than 10"),
     ],
 )
 def test_large_files_are_refused(tmp_path, monkeypatch, limit, value, found):
@@ -476,11 +487,28 @@ def test_large_files_are_refused(tmp_path, monkeypatch, limit, value, found):
         load(tmp_path, body)
     with pytest.raises(ValueError, match=found):
         load(tmp_path, '<path d="M1 1C99 1 1 99 99 99"/>' * 3, size=(900, 900))
-    if limit != "MAX_ELEMENTS":
+    if limit not in ("MAX_ELEMENTS", "MAX_TEXT"):
         path = tmp_path / "c.json"
         path.write_text(json.dumps({"curves": [[[i, i] for i in range(4)]] * 3}))
         with pytest.raises(ValueError, match=found):
             load_curves(path, (9, 9))
+
+
+def test_crowds_are_refused_before_they_are_parsed(tmp_path, monkeypatch):
+    monkeypatch.setattr(curve_files, "MAX_ELEMENTS", 3)
+    with pytest.raises(ValueError, match="15 attributes"):
+        load(tmp_path, "<g " + " ".join(f'a{i}="1"' for i in range(20)) + "/>")
+    monkeypatch.setattr(curve_files, "MAX_POINTS", 3)
+    (tmp_path / "c.json").write_text('{"curves": [' + "[]," * 30 + "[]]}")
+    with pytest.raises(ValueError, match="24 lists"):
+        load_curves(tmp_path / "c.json", (9, 9))
+
+
+def test_depth_is_limited(tmp_path):
+    line = '<path d="M0 0L9 9"/>'
+    assert len(load(tmp_path, "<g>" * 200 + line + "</g>" * 200)) == 1
+    with pytest.raises(ValueError, match="256 inside one another"):
+        load(tmp_path, "<g>" * 300 + line + "</g>" * 300)
 
 
 def test_an_svgz_is_limited_by_what_it_unpacks_to(tmp_path, monkeypatch):
@@ -493,8 +521,12 @@ def test_an_svgz_is_limited_by_what_it_unpacks_to(tmp_path, monkeypatch):
 
 
 def test_damaged_gzip_missing_files_and_folders(tmp_path):
-    (tmp_path / "c.svgz").write_bytes(gzip.compress(b"<svg/>" * 1000)[:-20])
-    with pytest.raises(ValueError, match="gzip"):
+    whole = gzip.compress(b"<svg><path d='M0 0L9 9'/></svg>")
+    (tmp_path / "c.svgz").write_bytes(whole[:-4])
+    with pytest.raises(ValueError, match="cut short"):
+        load_curves(tmp_path / "c.svgz", (9, 9))
+    (tmp_path / "c.svgz").write_bytes(whole[:20] + b"??" + whole[22:])
+    with pytest.raises(ValueError, match="damaged gzip data"):
         load_curves(tmp_path / "c.svgz", (9, 9))
     with pytest.raises(FileNotFoundError):
         load_curves(tmp_path / "no.svg", (9, 9))

@@ -18,10 +18,11 @@ import numpy as np
 from .curves import KINDS, Curves, owner
 
 MAX_BYTES = 64 * 2**20  # of a file, an .svgz's once decompressed
-MAX_POINTS = 1_000_000
-MAX_CURVES = 100_000
-MAX_ELEMENTS = 500_000
+MAX_POINTS = 500_000
+MAX_CURVES = 50_000
+MAX_ELEMENTS = 200_000
 MAX_DEPTH = 256  # of elements inside one another
+MAX_TEXT = 16 * 2**20  # characters of one path
 MAX_NUMBER = 1e12  # larger ones are mistakes, and their products leave the range of a float
 SAME_POINT = 1e-6  # px; nearer points are one
 BORDER = 0.5  # px; a frame this near the page's edge is the paper, not a line
@@ -126,6 +127,8 @@ def _finish(xy: np.ndarray, offsets: np.ndarray, kind: np.ndarray, closed: np.nd
 
 def _read_json(data: bytes, size: tuple[int, int]) -> Curves:
     wanted = '"curves": [[[x, y], ...], ...]'
+    if data.count(b"[") > 8 * MAX_POINTS:  # before millions of lists are made of them
+        raise ValueError(f"more than {8 * MAX_POINTS} lists: simplify the curves first")
     try:
         content = json.loads(data)
     except RecursionError:
@@ -221,6 +224,8 @@ def _read_svg(data: bytes, size: tuple[int, int], tolerance: float) -> Curves:
     text = (data.replace(b"\0", b"") if b"\0" in data else data).lower()
     if b"<!doctype" in text or b"<!entity" in text:
         raise ValueError(UNSAFE)
+    if data.count(b"=") > 5 * MAX_ELEMENTS:  # the parser hands over an element whole, however many it has
+        raise ValueError(f"more than {5 * MAX_ELEMENTS} attributes: simplify the drawing first")
     reader = _SvgReader(size)
     try:
         reader.parser.Parse(data, True)
@@ -228,25 +233,28 @@ def _read_svg(data: bytes, size: tuple[int, int], tolerance: float) -> Curves:
         raise ValueError(f"not an SVG file (XML expected: {error})") from None
     except LookupError as error:  # an encoding that Python does not know
         raise ValueError(f"not an SVG file ({error}); save it as UTF-8") from None
-    if not reader.segments:
+    if not reader.kinds:
         raise ValueError(f"no usable curve in it: no visible {', '.join(SHAPES[:-1])} or {SHAPES[-1]}")
-    offsets = np.r_[0, np.cumsum([len(cubics) for cubics in reader.segments])]
-    xy, offsets = flatten(np.concatenate(reader.segments), offsets, tolerance)
-    return _finish(xy, offsets, np.array(reader.kinds))
+    cubics, offsets, kinds = reader.cubics()
+    xy, offsets = flatten(cubics, offsets, tolerance)
+    return _finish(xy, offsets, kinds)
 
 
 class _SvgReader:
     """Collects the shapes of a document as expat walks it; no tree is built.
 
-    One entry a subpath: `segments`, cubics (S, 4, 2) in pixels of the canvas, and `kinds`.
+    `segments` are those of all subpaths, as `parse_path` gives them; `counts`, `matrices` and `kinds` have one entry
+    a subpath.
     """
 
     def __init__(self, size: tuple[int, int]):
         self.canvas = (0.0, 0.0, float(size[0]), float(size[1]))
         self.page = self.canvas
-        self.segments: list[np.ndarray] = []
+        self.segments: list[Segment] = []
+        self.counts: list[int] = []
+        self.matrices: list[Affine] = []
         self.kinds: list[int] = []
-        self.points = self.elements = 0
+        self.elements = 0
         # of each open element: matrix to the canvas, kind, visible?, (width, height) that percentages refer to;
         # None where nothing inside is drawn
         self.stack: list[tuple[Affine, int, bool, tuple[float, float]] | None] = []
@@ -289,10 +297,11 @@ class _SvgReader:
         visibility = _property("visibility", style, attributes)
         visible = visible if visibility in ("", "inherit") else visibility == "visible"
         for key in ("data-ss-class", LABEL, "id", "class"):
-            if (named := kind_named(attributes.get(key, ""))) is not None:
+            if key in attributes and (named := kind_named(attributes[key])) is not None:
                 kind = named
                 break
-        matrix = _compose(matrix, parse_transform(attributes.get("transform", "")))
+        if "transform" in attributes:
+            matrix = _compose(matrix, parse_transform(attributes["transform"]))
         if shape:
             if visible:
                 self.add(tag, attributes, matrix, kind, view)
@@ -341,23 +350,30 @@ class _SvgReader:
             subpaths = parse_path(points + close, command="M", name="points")
         else:
             subpaths = parse_path(_shape_path(tag, attributes, view))
-        for cubics in subpaths:
-            self.points += len(cubics)
-            if self.points > MAX_POINTS or len(self.segments) >= MAX_CURVES:
-                raise ValueError(f"more than {MAX_POINTS} points or {MAX_CURVES} curves: simplify the drawing first")
-            cubics = _transform(matrix, cubics)
-            if not self.is_paper(cubics):
-                self.segments.append(cubics)
-                self.kinds.append(kind)
+        for segments in subpaths:
+            self.segments += segments
+            self.counts.append(len(segments))
+            self.matrices.append(matrix)
+            self.kinds.append(kind)
+        if len(self.segments) > MAX_POINTS or len(self.kinds) > MAX_CURVES:
+            raise ValueError(f"more than {MAX_POINTS} points or {MAX_CURVES} curves: simplify the drawing first")
 
-    def is_paper(self, cubics: np.ndarray) -> bool:
-        """A closed shape none of whose segments comes inside the page: the background, or an export's bounding box."""
-        if (np.abs(cubics[0, 0] - cubics[-1, 3]) > SAME_POINT).any():
-            return False
+    def cubics(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Cubics (S, 4, 2) in pixels of the canvas, the offsets (C+1,) of their chains and the chains' kinds (C,).
+
+        The paper is left out: a closed shape none of whose segments comes inside the page is the background, or the
+        bounding box that some programs export.
+        """
+        counts, kinds = np.array(self.counts), np.array(self.kinds)
+        matrices = np.repeat(np.array(self.matrices), counts, axis=0)[:, :, None]
+        cubics = _transform(matrices.transpose(1, 0, 2), np.array(self.segments).reshape(-1, 4, 2))
+        end = np.cumsum(counts)
         low = np.array(self.page[:2])
         high = low + self.page[2:]
         outside = (cubics <= low + BORDER).all(axis=1) | (cubics >= high - BORDER).all(axis=1)  # (S, 2)
-        return bool(outside.any(axis=1).all())
+        paper = np.logical_and.reduceat(outside.any(axis=1), end - counts)
+        paper &= (np.abs(cubics[end - counts, 0] - cubics[end - 1, 3]) <= SAME_POINT).all(axis=1)
+        return cubics[np.repeat(~paper, counts)], np.r_[0, np.cumsum(counts[~paper])], kinds[~paper]
 
 
 def _quoted(text: str) -> str:
@@ -366,7 +382,7 @@ def _quoted(text: str) -> str:
 
 def _property(name: str, style: str, attributes: dict[str, str]) -> str:
     """A CSS property of the style attribute, else the attribute of that name, else ""."""
-    found = re.findall(rf"(?:^|;)\s*{name}\s*:([^;!]*)", style)
+    found = re.findall(rf"(?:^|;)\s*{name}\s*:([^;!]*)", style[:10_000]) if name in style else ()
     return (found[-1] if found else attributes.get(name, "")).strip().lower()
 
 
@@ -375,6 +391,7 @@ def _property(name: str, style: str, attributes: dict[str, str]) -> str:
 SPACE = " \t\r\n\f"
 UNITS = {"": 1.0, "px": 1.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4, "q": 96 / 101.6, "pt": 96 / 72, "pc": 16.0}
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_SPACES = re.compile(rf"[{SPACE}]*")
 _NEXT_NUMBER = re.compile(rf"[{SPACE}]*(?:,[{SPACE}]*)?({_NUMBER})")
 _NEXT_FLAG = re.compile(rf"[{SPACE}]*(?:,[{SPACE}]*)?([01])")
 _LENGTH = re.compile(rf"({_NUMBER})([a-zA-Z]*|%)")
@@ -439,6 +456,8 @@ def _fit(box, into, align: str = "") -> Affine:
 
 def parse_transform(text: str) -> Affine:
     """An SVG transform list as one matrix (a, b, c, d, e, f). Raises ValueError."""
+    if len(text) > 10_000:
+        raise ValueError(f"a transform of {len(text)} characters is too long")
     matrix, text, at = IDENTITY, text.rstrip(SPACE), 0
     while at < len(text):
         match = _FUNCTION.match(text, at)
@@ -490,11 +509,12 @@ def _transform(matrix: Affine, points: np.ndarray) -> np.ndarray:
 
 # ------------------------------------------------------------------------------------------------------ path data
 
+Segment = tuple[float, float, float, float, float, float, float, float]  # a cubic's four points, x and y in turn
 ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 
 
-def parse_path(data: str, command: str = "", name: str = "d") -> list[np.ndarray]:
-    """SVG path data as cubics, one array (S, 4, 2) a subpath: all commands, all of the number syntax.
+def parse_path(data: str, command: str = "", name: str = "d") -> list[list[Segment]]:
+    """SVG path data as cubics, one list a subpath: all commands, all of the number syntax.
 
     A line is a cubic with evenly spaced controls. Subpaths that draw nothing are left out; "Z" adds the segment home.
 
@@ -508,11 +528,13 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[np.ndarray
     ValueError
         on bad syntax, with the place.
     """
+    if len(data) > MAX_TEXT:
+        raise ValueError(f"{name} has more than {MAX_TEXT} characters: simplify the drawing first")
     data = data.rstrip(SPACE)
-    if data.strip(SPACE) == "none":
+    if data.lstrip(SPACE) == "none":
         return []
-    subpaths: list[np.ndarray] = []
-    cubics: list[tuple[float, ...]] = []  # of the current subpath: x1, y1, x2, y2, x, y
+    subpaths: list[list[Segment]] = []
+    cubics: list[Segment] = []  # of the current subpath
     x = y = begin_x = begin_y = 0.0
     control = None  # what S or T reflects: the commands that it follows, and their last control point
     at, end, total = 0, len(data), 0
@@ -523,18 +545,13 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[np.ndarray
             f'bad {name} at character {place + 1}, "{_quoted(data[place : place + 20])}": expected {expected}'
         )
 
-    def finish():
-        if cubics:
-            values = np.array(cubics).reshape(-1, 3, 2)
-            starts = np.concatenate([[[begin_x, begin_y]], values[:-1, 2]])
-            subpaths.append(np.concatenate([starts[:, None], values], axis=1))
-            cubics.clear()
-
     while True:
-        while at < end and data[at] in SPACE:
-            at += 1
+        at = _SPACES.match(data, at).end()
         if at >= end:
             break
+        total += 1
+        if total > MAX_POINTS:
+            raise ValueError(f"more than {MAX_POINTS} segments: simplify the drawing first")
         if data[at].upper() in ARGUMENTS:
             if not command and data[at] not in "Mm":
                 raise bad("M or m first")
@@ -551,7 +568,7 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[np.ndarray
                 raise bad(f"a flag of {command}, 0 or 1" if flag else f"a number of {command}")
             v.append(_number(match[1]))
             at = match.end()
-        if relative:
+        if relative and v:
             if letter == "A":
                 v[5:] = v[5] + x, v[6] + y
             else:
@@ -559,7 +576,9 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[np.ndarray
                 v = [value + (x if i % 2 != odd else y) for i, value in enumerate(v)]
 
         if letter == "M":
-            finish()
+            if cubics:
+                subpaths.append(cubics)
+                cubics = []
             x, y = begin_x, begin_y = v
             command, control = ("l" if relative else "L"), None
             continue
@@ -572,25 +591,25 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[np.ndarray
         if letter in "CS":
             x1, y1 = v[:2] if letter == "C" else _reflected(reflect, "C", x, y)
             control = ("C", *v[-4:-2])
-            cubics.append((x1, y1, *v[-4:]))
+            cubics.append((x, y, x1, y1, *v[-4:]))
         elif letter in "QT":
             qx, qy = v[:2] if letter == "Q" else _reflected(reflect, "Q", x, y)
             control = ("Q", qx, qy)
-            cubics.append(
-                (x + (qx - x) * 2 / 3, y + (qy - y) * 2 / 3, u + (qx - u) * 2 / 3, w + (qy - w) * 2 / 3, u, w)
-            )
+            x1, y1 = x + (qx - x) * 2 / 3, y + (qy - y) * 2 / 3
+            cubics.append((x, y, x1, y1, u + (qx - u) * 2 / 3, w + (qy - w) * 2 / 3, u, w))
         elif letter == "A" and (arc := _arc(x, y, *v)) is not None:
             cubics += arc
         elif letter != "Z" or (x, y) != (u, w):
             dx, dy = (u - x) / 3, (w - y) / 3
-            cubics.append((x + dx, y + dy, u - dx, w - dy, u, w))
+            cubics.append((x, y, x + dx, y + dy, u - dx, w - dy, u, w))
         x, y = u, w
-        if letter == "Z":
-            finish()
-        total += 1
-        if total > MAX_POINTS or abs(x) + abs(y) > MAX_NUMBER**2:
-            raise ValueError(f"more than {MAX_POINTS} segments, or coordinates too large to be a place in a drawing")
-    finish()
+        if abs(x) + abs(y) > MAX_NUMBER**2:
+            raise ValueError("its relative coordinates lead too far to be a place in a drawing")
+        if letter == "Z" and cubics:
+            subpaths.append(cubics)
+            cubics = []
+    if cubics:
+        subpaths.append(cubics)
     return subpaths
 
 
@@ -601,7 +620,7 @@ def _reflected(control, command: str, x: float, y: float) -> tuple[float, float]
     return 2 * x - control[1], 2 * y - control[2]
 
 
-def _arc(x, y, rx, ry, degrees, large, sweep, u, v) -> list[tuple[float, ...]] | None:
+def _arc(x, y, rx, ry, degrees, large, sweep, u, v) -> list[Segment] | None:
     """SVG's elliptical arc from (x, y) to (u, v) as cubics of at most 45 degrees, off by 4e-6 of the radius.
 
     None where it is a straight line. SVG 1.1, appendix F.6.
@@ -636,12 +655,14 @@ def _arc(x, y, rx, ry, degrees, large, sweep, u, v) -> list[tuple[float, ...]] |
         a, b = (a + cx) * rx, (b + cy) * ry
         return cos * a - sin * b + middle_x, sin * a + cos * b + middle_y
 
-    cubics = []
+    cubics, here = [], (x, y)
     for i in range(pieces):
         a, b = first + i * step, first + (i + 1) * step
         one = place(math.cos(a) - handle * math.sin(a), math.sin(a) + handle * math.cos(a))
         two = place(math.cos(b) + handle * math.sin(b), math.sin(b) - handle * math.cos(b))
-        cubics.append((*one, *two, *(place(math.cos(b), math.sin(b)) if i < pieces - 1 else (u, v))))
+        there = place(math.cos(b), math.sin(b)) if i < pieces - 1 else (u, v)
+        cubics.append((*here, *one, *two, *there))
+        here = there
     return cubics
 
 
@@ -693,7 +714,6 @@ def flatten(cubics: np.ndarray, offsets: np.ndarray, tolerance: float) -> tuple[
     s = 1 - t
     p = cubics[which]
     along = s**3 * p[:, 0] + 3 * s**2 * t * p[:, 1] + 3 * s * t**2 * p[:, 2] + t**3 * p[:, 3]
-    along[before + count - 1] = cubics[:, 3]  # to the last bit
     new = np.r_[0, np.cumsum(count)][offsets] + np.arange(len(offsets))  # every chain has its start besides
     xy = np.empty((new[-1], 2))
     start = np.zeros(len(xy), bool)
