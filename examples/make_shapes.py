@@ -151,11 +151,11 @@ def settle(values) -> np.ndarray:
         values[tuple(flip.T)] = -1e-3 * np.sign(values[tuple(flip.T)] + 1e-300)
 
 
-def surface_nets(f: Field, low, high, h, place=None) -> Mesh:
+def surface_nets(f: Field, low, high, h, sharp=False) -> Mesh:
     """The surface f = 0 in the box, by dual polygons: a vertex in every cell of the grid that the surface crosses,
     a quad round every grid edge that it crosses, cut along the diagonal that lies nearer to the surface.
 
-    `place(f, vertices, quads, h)` puts the vertices on the surface; by default each takes the shortest way.
+    With `sharp`, vertices look for the edges and corners of the surface.
     """
     values, origin = sample(f, low, high, h)
     crossings, quads = [], []
@@ -169,53 +169,90 @@ def surface_nets(f: Field, low, high, h, place=None) -> Mesh:
         cells[b < a] = cells[b < a][:, ::-1]
         quads.append(np.ravel_multi_index(tuple(cells.reshape(-1, 3).T), values.shape).reshape(-1, 4))
     quads = np.unique(np.concatenate(quads), return_inverse=True)[1].reshape(-1, 4)
-    points = np.concatenate(crossings).repeat(4, axis=0)
-    vertices = np.stack([np.bincount(quads.ravel(), points[:, i]) for i in range(3)], axis=1)
-    vertices /= np.bincount(quads.ravel())[:, None]
-    vertices = place(f, vertices, quads, h) if place else project(f, vertices)
+    points = np.concatenate(crossings)
+    if sharp:
+        vertices = sharpen(f, points, quads, h)
+    else:
+        vertices = np.stack([np.bincount(quads.ravel(), c.repeat(4)) for c in points.T], axis=1)
+        vertices = project(f, vertices / np.bincount(quads.ravel())[:, None])
     return vertices, cut_quads(f, vertices, quads)
 
 
-def sharpen(f: Field, vertices, quads, h, steps=14) -> np.ndarray:
-    """Vertices (V, 3) on the surface, on its edges and corners where these are near (dual contouring).
+def sharpen(f: Field, points, quads, h) -> np.ndarray:
+    """Vertices (V, 3) on the surface, and on its edges and corners in the cells that hold one (dual contouring).
 
-    The surface near a vertex is taken for the planes seen from points round it. The vertex goes where they meet, and
-    slides towards the mean of its neighbours in what directions they leave open: two, one on an edge, none in a corner.
+    `points` (Q, 3) are where the grid edge of each quad meets the surface. A vertex goes where the planes there meet,
+    then slides towards the mean of its neighbours in what directions the planes leave open: two, one on an edge, none
+    in a corner.
     """
-    around = 0.4 * h * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-    for step in range(steps):
-        points = (vertices[:, None] + around).reshape(-1, 3)
-        value, n = normal(f, points)
-        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)
-        n, value = n.reshape(-1, len(around), 3), value.reshape(-1, len(around))
-        offset = value - (n * around).sum(2)  # n.x + offset = 0 for x from the vertex
-        size, way = np.linalg.eigh(np.einsum("vai,vaj->vij", n, n))
-        held = size > 0.05 * size[:, 2:]
-        pull = np.einsum("vij,vai,va->vj", way, n, -offset)
-        move = np.where(held, pull / np.maximum(size, 1e-9), 0.0)
-        if step < steps - 4:
-            slide = 0.5 * (neighbours_mean(quads, vertices) - vertices)
-            move += np.where(held, 0.0, np.einsum("vij,vi->vj", way, slide))
-        move = np.einsum("vij,vj->vi", way, move)
-        reach = np.linalg.norm(move, axis=1, keepdims=True)
-        vertices = vertices + move * np.minimum(1.0, 0.8 * h / np.maximum(reach, 1e-12))
+    around = 0.15 * h * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+    count = np.bincount(quads.ravel())
+    total = lambda v: np.stack([np.bincount(quads.ravel(), c.repeat(4)) for c in v.T], axis=1)  # noqa: E731
+    vertices = total(points) / count[:, None]
+    n = normal(f, points)[1]
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    height = (n * points).sum(1)
+    square = total((n[:, :, None] * n[:, None]).reshape(-1, 9)).reshape(-1, 3, 3)
+    pull = total(height[:, None] * n) - np.einsum("vij,vj->vi", square, vertices)
+    vertices = vertices + meet(square, pull)[0]
+    for step in range(24):
+        reach = 2.0 if step == 0 else 1.0  # the first look takes in edges that pass a cell between its grid edges
+        seen = (vertices[:, None] + reach * around).reshape(-1, 3)
+        value, n = normal(f, seen)
+        n = (n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)).reshape(-1, len(around), 3)
+        offset = value.reshape(-1, len(around)) - reach * (n * around).sum(2)  # n.x + offset = 0 for x from the vertex
+        move, free = meet(np.einsum("vai,vaj->vij", n, n), np.einsum("vai,va->vi", n, -offset))
+        dimension = np.round(np.trace(free, axis1=1, axis2=2))
+        slide = 0.5 * (neighbours_mean(quads, vertices, dimension) - vertices)
+        vertices = vertices + move + (np.einsum("vij,vj->vi", free, slide) if step < 20 else 0.0)
     return vertices
 
 
+def meet(square, pull) -> tuple[np.ndarray, np.ndarray]:
+    """The least x (V, 3) with square x = pull, and the projection (V, 3, 3) onto what the squares leave open."""
+    size, way = np.linalg.eigh(square)
+    held = size > 0.08 * size[:, 2:]
+    inverse = np.where(held, 1.0 / np.maximum(size, 1e-12), 0.0)
+    x = np.einsum("vij,vj,vkj,vk->vi", way, inverse, way, pull)
+    return x, np.einsum("vij,vj,vkj->vik", way, ~held, way)
+
+
 def cut_quads(f: Field, vertices, quads) -> np.ndarray:
-    """Quads (Q, 4) -> triangles (2Q, 3), along the diagonal whose middle lies nearer to the surface."""
-    middle = [np.abs(f(0.5 * (vertices[quads[:, i]] + vertices[quads[:, i + 2]]))) for i in (0, 1)]
-    length = [np.linalg.norm(vertices[quads[:, i]] - vertices[quads[:, i + 2]], axis=1) for i in (0, 1)]
-    other = middle[1] + 0.05 * length[1] < middle[0] + 0.05 * length[0]
-    quads = np.where(other[:, None], np.roll(quads, -1, axis=1), quads)
+    """Quads (Q, 4) -> triangles (2Q, 3), along the diagonal that lies nearer to the surface and gives fair triangles."""
+    cost = []
+    for i in (0, 1):
+        a, b, c, d = (vertices[quads[:, (i + k) % 4]] for k in range(4))
+        length = np.linalg.norm(c - a, axis=1)
+        height = np.minimum(*(np.linalg.norm(np.cross(c - a, x - a), axis=1) / np.maximum(length, 1e-12) for x in (b, d)))
+        away = np.abs(f(0.5 * (a + c)))
+        cost.append(away + 0.02 * length + np.maximum(0.3 * length - height, 0.0))
+    quads = np.where((cost[1] < cost[0])[:, None], np.roll(quads, -1, axis=1), quads)
     return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 
-def neighbours_mean(faces, vertices) -> np.ndarray:
-    """The mean of each vertex's neighbours (V, 3), on a closed mesh."""
+def weld(mesh: Mesh, length: float) -> Mesh:
+    """Collapse the edges that are shorter than `length`, and drop what has no area left."""
+    vertices, faces = mesh
     i, j = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    near = np.linalg.norm(vertices[i] - vertices[j], axis=1) < length
+    to = np.arange(len(vertices))
+    for a, b in zip(i[near], j[near], strict=True):
+        to[to == max(to[a], to[b])] = min(to[a], to[b])
+    faces = to[faces]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    used, faces = np.unique(faces, return_inverse=True)
+    return vertices[used], faces.reshape(-1, 3)
+
+
+def neighbours_mean(faces, vertices, dimension=None) -> np.ndarray:
+    """The mean of each vertex's neighbours (V, 3), on a closed mesh; for a vertex on an edge, of those on edges."""
+    i, j = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    if dimension is not None:
+        keep = (dimension[i] > 1) | (dimension[j] <= 1)
+        i, j = i[keep], j[keep]
     total = np.stack([np.bincount(i, vertices[j, k], len(vertices)) for k in range(3)], axis=1)
-    return total / np.bincount(i, minlength=len(vertices))[:, None]
+    count = np.bincount(i, minlength=len(vertices))[:, None]
+    return np.where(count > 0, total / np.maximum(count, 1), vertices)
 
 
 def relax(f: Field, mesh: Mesh, steps=8) -> Mesh:
@@ -426,21 +463,21 @@ def bracket() -> Mesh:
 
     def f(p):
         x, y, z = p.T
-        bore = np.hypot(x, y - 0.47)
+        bore = np.hypot(x, y - 0.53)
         base = np.maximum(rectangle(x, z - 0.05, (0.6, 0.4), 0.13), y - 0.10)
-        upright = np.maximum(np.hypot(x, np.maximum(y - 0.47, 0.0)) - 0.30, z + 0.24)
-        upright = np.where(y < 0.47, np.maximum(np.abs(x) - 0.30, z + 0.24), upright)
+        upright = np.maximum(np.hypot(x, np.maximum(y - 0.53, 0.0)) - 0.30, z + 0.24)
+        upright = np.where(y < 0.53, np.maximum(np.abs(x) - 0.30, z + 0.24), upright)
         boss = np.maximum(bore - 0.20, z + 0.12)
-        slope = (0.34 * (y - 0.10) + 0.50 * (z + 0.24) - 0.34 * 0.50) / np.hypot(0.34, 0.50)
-        ribs = np.maximum(np.maximum(np.abs(np.abs(x) - 0.25) - 0.035, slope), z - 0.22)
-        out = fillet(fillet(fillet(base, upright, 0.06), ribs, 0.03), boss, 0.03)
+        slope = (0.46 * (y - 0.10) + 0.28 * (z + 0.24) - 0.46 * 0.28) / np.hypot(0.46, 0.28)
+        ribs = np.maximum(np.maximum(np.abs(np.abs(x) - 0.19) - 0.04, slope), -0.32 - z)
+        out = fillet(fillet(fillet(base, upright, 0.07), ribs, 0.045), boss, 0.045)
         out = np.maximum(out, np.maximum(-0.35 - z, -y))  # flat at the back and below
-        holes = np.minimum(bore - 0.12, (bore - 0.12 + (-0.12 - z) + -0.025) * np.sqrt(0.5))  # with a chamfer
+        holes = np.minimum(bore - 0.115, np.maximum((bore - 0.115 - z - 0.145) * np.sqrt(0.5), z + 0.10))  # chamfered
         bolt = np.hypot(np.abs(x) - 0.45, z - 0.17)
         holes = np.minimum(holes, np.minimum(bolt - 0.055, np.maximum(bolt - 0.095, 0.07 - y)))  # counterbored
         return np.maximum(out, -np.minimum(holes, slot(x, z - 0.30, 0.10, 0.045)))
 
-    return surface_nets(f, [-0.6513, -0.0531, -0.3987], [0.65, 0.82, 0.50], 0.0197, place=sharpen)
+    return weld(surface_nets(f, [-0.6513, -0.0531, -0.3987], [0.65, 0.9, 0.50], 0.0197, sharp=True), 0.004)
 
 
 def teapot() -> Mesh:
