@@ -36,7 +36,7 @@ class LineOptions:
         (suggestive, ridge, valley, apparent); contours need the mesh's own normals, or they leave its silhouette
     hysteresis : strength (0..1) that a suggestive contour, ridge, valley or apparent ridge must reach somewhere;
         the rest of it may be as weak as its threshold. 0 keeps all.
-    trim : leave out the contours that cannot be seen because the surface curves towards the eye there
+    trim : leave out contours and apparent ridges that cannot be seen because of how a closed surface faces there
 
     Raises
     ------
@@ -312,15 +312,20 @@ class Segments:
         return np.einsum("sei,sik->sek", self.bary, surface.vertices[surface.faces[self.face]])
 
 
-def _zero_lines(surface: Surface, value: np.ndarray, kind: str, among: np.ndarray | None = None) -> Segments:
+def _zero_lines(surface: Surface, value: np.ndarray, kind: str, among=None, rims: bool = True) -> Segments:
     """Where `value` (V,), linear on each face, is zero; the higher side lies to the left, seen from outside.
 
     Zero counts as positive, everywhere alike, so that lines never end inside the mesh. Ends are named by mesh edge.
+    `rims` : also along edges whose both ends are exactly 0, such as around flat parts where all of it is 0.
+    `among` : indices of the faces to look at, all by default.
     """
     faces = surface.faces if among is None else surface.faces[among]
     high = (value >= 0.0)[faces]
     ups = high.sum(axis=1)
-    mixed = np.flatnonzero((ups == 1) | (ups == 2))
+    crossed = (ups == 1) | (ups == 2)
+    if not rims:
+        crossed &= (value == 0.0)[faces].sum(axis=1) < 2
+    mixed = np.flatnonzero(crossed)
     face = mixed if among is None else among[mixed]
     # the corner that is alone on its side
     odd = np.argmax(high[mixed] == (ups[mixed] == 1)[:, None], axis=1)
@@ -389,11 +394,16 @@ def contour_segments(surface: Surface, view: ViewFields, options: LineOptions) -
     return _keep_positive(segments, radial, np.ones_like(radial), len(surface.edges))
 
 
+def _may_be_seen(surface: Surface, view: ViewFields) -> np.ndarray:
+    """(F,) bool: faces that do not turn away all over, and all faces of open surfaces."""
+    return (view.n_dot_v > 0.0)[surface.faces].any(axis=1) | ~surface.closed_faces
+
+
 def suggestive_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
     """Suggestive contours (DeCarlo 2003): the radial curvature is 0 and rises towards the eye, fast enough."""
     limit = options.suggestive / surface.feature_size**2
-    front = (view.n_dot_v > 0.0)[surface.faces].any(axis=1) | ~surface.closed_faces
-    segments = _zero_lines(surface, view.radial_curvature(surface), "suggestive", np.flatnonzero(front))
+    front = np.flatnonzero(_may_be_seen(surface, view))
+    segments = _zero_lines(surface, view.radial_curvature(surface), "suggestive", front, rims=False)
     derivative = _at_ends(surface, segments, view.radial_derivative(surface))
     facing = _at_ends(surface, segments, view.n_dot_v)
     # Neural Contours' soft filter, with q = F^2 Dw kr - T n.v; on the inside of open surfaces all signs are reversed
@@ -409,8 +419,7 @@ def apparent_segments(surface: Surface, view: ViewFields, options: LineOptions) 
     curvature, direction = view.view_curvature(surface)
     limit = options.apparent / surface.feature_size**2
     strong = (curvature > limit)[surface.faces].any(axis=1)
-    front = (view.n_dot_v > 0.0)[surface.faces].any(axis=1) | ~surface.closed_faces
-    among = np.flatnonzero(strong & front)
+    among = np.flatnonzero(strong & _may_be_seen(surface, view) if options.trim else strong)
     slope = _slope(surface, curvature, direction, view.n_dot_v, among)
     return _extremal_lines(surface, slope, direction, curvature, limit, "apparent", among)
 
@@ -466,17 +475,17 @@ def _ridge_or_valley(surface: Surface, threshold: float, kind: str, sign: float)
 def _extremal_lines(surface, slope, direction, value, limit, kind, among) -> Segments:
     """Maxima of `value` (V,) along `direction` (V, 3), whose derivative there is `slope` (V,), in faces `among`.
 
-    The direction has no sign of its own: point it uphill. An edge carries a maximum where the two uphill arrows at its
-    ends oppose each other and at least one of them leads along the edge towards the other end. A face with two such
-    edges carries a piece of line; with three, a fork at its centre.
+    The direction has no sign of its own: point it uphill. An edge may carry an extremum where the uphill arrows at its
+    ends oppose each other. A face with two such edges carries a piece of line; with three, a fork at its centre.
+    What tells maxima from minima is rtsc's, and differs: for ridges and valleys, an edge counts if at least one of its
+    arrows leads along it towards the other end; for apparent ridges, all three arrows must lead towards the line.
     """
     uphill = slope[:, None] * direction
     arrow, point = uphill[surface.faces[among]], surface.vertices[surface.faces[among]]  # (A, 3, 3)
     arrow_next, along = arrow[:, _NEXT], point[:, _NEXT] - point
-    crossed = (
-        (np.einsum("fij,fij->fi", arrow, arrow_next) <= 0.0)
-        & ((np.einsum("fij,fij->fi", arrow, along) >= 0.0) | (np.einsum("fij,fij->fi", arrow_next, along) <= 0.0))
-    )  # (A, 3): side i runs from corner i to i + 1
+    crossed = _rowdot(arrow, arrow_next) <= 0.0  # (A, 3): side i runs from corner i to i + 1
+    if kind != "apparent":
+        crossed &= (_rowdot(arrow, along) >= 0.0) | (_rowdot(arrow_next, along) <= 0.0)
     sides = crossed.sum(axis=1)
     two, three = np.flatnonzero(sides == 2), np.flatnonzero(sides == 3)
 
@@ -488,22 +497,37 @@ def _extremal_lines(surface, slope, direction, value, limit, kind, among) -> Seg
         on_side[:, i, i], on_side[:, i, _NEXT[i]] = 1.0 - weight[:, i], weight[:, i]
 
     absent = np.argmin(crossed[two], axis=1)
-    ends = np.stack([_NEXT[absent], _BEFORE[absent]], axis=1)  # the two crossed sides
+    ends = np.stack([_NEXT[absent], _BEFORE[absent]], axis=1)  # the two crossed sides; they meet in corner ends[1]
+    if kind == "apparent":
+        good = _leads(point[two], arrow[two], *(on_side[two, ends[:, i]] for i in range(2))).all(axis=1)
+        two, ends = two[good], ends[good]
     edges = surface.face_edges[among]
-    centre = np.full((len(three), 1, 3), 1.0 / 3.0)
-    bary = np.concatenate(
-        [on_side[two[:, None], ends]] + [np.concatenate([on_side[three, i][:, None], centre], axis=1) for i in range(3)]
-    )
-    node = np.concatenate(
-        [edges[two[:, None], ends]]
-        + [np.stack([edges[three, i], len(surface.edges) + among[three]], axis=1) for i in range(3)]
-    )
-    face = among[np.r_[two, three, three, three]]
+    face, bary, node = [among[two]], [on_side[two[:, None], ends]], [edges[two[:, None], ends]]
+    for i in range(3):  # the arms of forks
+        arm, centre = three, np.full((len(three), 3), 1.0 / 3.0)
+        if kind == "apparent":
+            good = _leads(point[arm], arrow[arm], on_side[arm, i], centre).all(axis=1)
+            arm, centre = arm[good], centre[good]
+        face.append(among[arm])
+        bary.append(np.stack([on_side[arm, i], centre], axis=1))
+        node.append(np.stack([edges[arm, i], len(surface.edges) + among[arm]], axis=1))
+    face, bary, node = np.concatenate(face), np.concatenate(bary), np.concatenate(node)
     segments = Segments(KINDS.index(kind), face, bary, node, np.zeros((len(face), 2)))
     height = _at_ends(surface, segments, value)
     strength = np.maximum(1.0 - limit / np.maximum(height, 1e-30), 0.0)
     segments = Segments(segments.kind, face, bary, node, strength)
     return segments.take(np.flatnonzero((strength > 0.0).any(axis=1)))
+
+
+def _leads(point, arrow, start, end) -> np.ndarray:
+    """Does the arrow at each corner lead towards the line from `start` to `end` (barycentric, (A, 3))? (A, 3)."""
+    start, end = (np.einsum("ai,aik->ak", at, point) for at in (start, end))
+    across = np.cross(np.cross(point[:, 1] - point[:, 0], point[:, 2] - point[:, 0]), end - start)[:, None]
+    return _rowdot(arrow, across) * np.sign(_rowdot(point - start[:, None], across)) < 0.0
+
+
+def _rowdot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...i->...", a, b)
 
 
 def crease_segments(surface: Surface, options: LineOptions) -> Segments:

@@ -196,7 +196,8 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ..
         extra = _EXTRA_PACKAGES.get(suffix)
         if extra:
             raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}")
-        raise ValueError(f"{path}: {suffix or 'a file without suffix'} is not a mesh format; use obj, ply, stl, off or glb")
+        what = f"{suffix} is not a mesh format" if suffix else "no suffix to tell the mesh format by"
+        raise ValueError(f"{path}: {what}; use obj, ply, stl, off or glb")
     try:
         with _silence():
             scene = trimesh.load_scene(str(path), process=False)
@@ -205,9 +206,9 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ..
         raise
     except ImportError as error:
         extra = _EXTRA_PACKAGES.get(suffix) or getattr(error, "name", None) or "the package it names"
-        raise ValueError(f"{path}: reading {suffix} files needs another package ({_line(error)}): pip install {extra}") from None
+        raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}") from None
     except Exception as error:  # a damaged file can fail anywhere inside a parser, in any way
-        raise ValueError(f"{path}: cannot be read as {suffix.lstrip('.')} ({_line(error)}): damaged, or another format?") from None
+        raise ValueError(f"{path}: damaged, or not a {suffix[1:]} file ({_line(error)})") from None
     meshes = [geometry for geometry in parts if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)]
     if not meshes:
         points = sum(len(geometry.vertices) for geometry in parts)
@@ -216,7 +217,7 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ..
         raise ValueError(f"{path}: no faces in it")
     offset = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     vertices = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes])
-    faces = np.concatenate([np.asarray(mesh.faces, np.int64) + start for mesh, start in zip(meshes, offset, strict=False)])
+    faces = np.concatenate([np.asarray(mesh.faces, np.int64) + at for mesh, at in zip(meshes, offset, strict=False)])
     part = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
     names = tuple(str(mesh.metadata.get("node") or mesh.metadata.get("name") or "") for mesh in meshes)
     return vertices, faces, part, names
@@ -386,7 +387,8 @@ def _face_components(face_edges: np.ndarray, edges: int) -> np.ndarray:
     """(F,) component of each face: faces are joined where they share an edge."""
     faces = len(face_edges)
     corner_face = np.repeat(np.arange(faces), 3)
-    links = coo_matrix((np.ones(3 * faces, np.int8), (corner_face, faces + face_edges.ravel())), shape=(faces + edges,) * 2)
+    pairs = (corner_face, faces + face_edges.ravel())
+    links = coo_matrix((np.ones(3 * faces, np.int8), pairs), shape=(faces + edges, faces + edges))
     label = connected_components(links, directed=False)[1][:faces]
     return np.unique(label, return_inverse=True)[1].ravel()
 
@@ -679,8 +681,8 @@ def _blur_matrix(vertices: np.ndarray, faces: np.ndarray, smooth: float):
 def _blur_tensor(blur, mean, deviator, x, y):
     """Smooth the curvature tensor in world coordinates, where neighbours' frames agree, and read it back in (x, y)."""
     a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real
-    outer = (x[:, :, None] * x[:, None], x[:, :, None] * y[:, None], y[:, :, None] * y[:, None])
-    tensor = sum(k[:, None, None] * m for k, m in zip((a, b, b, c), (*outer[:2], outer[1].swapaxes(1, 2), outer[2]), strict=True))
+    xx, xy, yy = x[:, :, None] * x[:, None], x[:, :, None] * y[:, None], y[:, :, None] * y[:, None]
+    tensor = a[:, None, None] * xx + b[:, None, None] * (xy + xy.swapaxes(1, 2)) + c[:, None, None] * yy
     tensor = blur(tensor.reshape(-1, 9)).reshape(-1, 3, 3)
     a, b, c = (np.einsum("vi,vij,vj->v", p, tensor, q) for p, q in ((x, x), (x, y), (y, y)))
     return 0.5 * (a + c), 0.5 * (a - c) + 1j * b
