@@ -414,20 +414,19 @@ def hand() -> Mesh:
     def f(p):
         palm = blend(
             ellipsoid(p, [-0.02, 0.02, 0.0], [0.20, 0.25, 0.075], turn("z", 4)),
-            ellipsoid(p, [0.105, -0.07, 0.035], [0.085, 0.17, 0.07], turn("z", 18)),  # the ball of the thumb
-            ellipsoid(p, [-0.12, -0.06, 0.03], [0.07, 0.19, 0.062]),
+            ellipsoid(p, [0.095, -0.06, 0.03], [0.085, 0.155, 0.065], turn("z", 20)),  # the ball of the thumb
+            ellipsoid(p, [-0.115, -0.05, 0.025], [0.07, 0.17, 0.058]),
             ellipsoid(p, [0.0, 0.17, 0.02], [0.185, 0.06, 0.055], turn("z", 6)),  # the pads below the fingers
             k=0.07,
         )
-        wrist = tube(p, [(0.0, -0.10, -0.01), (0.0, -0.28, -0.02), (-0.01, -0.50, -0.03)], [0.10, 0.088, 0.098])
-        wrist = carve(wrist, -p[:, 1] - 0.46, k=0.02)
-        out = blend(palm, blend(wrist, ellipsoid(p, [0.0, -0.33, -0.03], [0.125, 0.16, 0.07]), k=0.08), k=0.10)
+        wrist = tube(p, [(0.0, -0.10, -0.01), (0.0, -0.28, -0.02), (-0.01, -0.50, -0.03)], [0.105, 0.092, 0.098])
+        out = blend(palm, blend(wrist, ellipsoid(p, [0.0, -0.27, -0.02], [0.135, 0.22, 0.075]), k=0.08), k=0.14)
         fingers = []
         for root, lean, curl, length, r in (
-            ((0.135, 0.20), 9.0, 24.0, 0.36, 0.048),
-            ((0.045, 0.235), 1.0, 18.0, 0.40, 0.050),
-            ((-0.050, 0.225), -6.0, 30.0, 0.37, 0.047),
-            ((-0.140, 0.175), -17.0, 36.0, 0.29, 0.041),
+            ((0.135, 0.20), 9.0, 24.0, 0.36, 0.051),
+            ((0.045, 0.235), 1.0, 18.0, 0.40, 0.053),
+            ((-0.050, 0.225), -6.0, 30.0, 0.37, 0.050),
+            ((-0.140, 0.175), -17.0, 36.0, 0.30, 0.044),
         ):
             x = np.array([root[0], root[1] - 0.06, 0.0])
             points, way = [x], np.array([np.sin(np.radians(lean)), np.cos(np.radians(lean))])
@@ -442,7 +441,7 @@ def hand() -> Mesh:
         web = fingers[0]
         for finger in fingers[1:]:
             web = blend(web, finger, k=0.012)
-        return blend(out, web, k=0.035)
+        return carve(blend(out, web, k=0.035), p[:, 1] + 0.46, k=0.02)  # cut off at the wrist
 
     vertices, faces = polygonise(f, [-0.40, -0.52, -0.2], [0.45, 0.72, 0.42], 0.0145, degrees=40)
     return vertices @ turn("y", -12), faces
@@ -629,7 +628,7 @@ def cloth() -> Mesh:
             far = np.sqrt((off * off).sum(1))
             touch = far < radius + 0.02
             flat[touch] = ball + off[touch] * ((radius + 0.02) / far[touch])[:, None]
-            flat[touch] = 0.7 * flat[touch] + 0.3 * (old[touch] + ball + 0.0 - ball)  # friction
+            flat[touch] = 0.7 * flat[touch] + 0.3 * old[touch]  # friction
         speed = (flat - old) / dt
     fine = spline_surface(flat.reshape(n, n, 3), 105)
     k = np.arange(105 * 105).reshape(105, 105)
