@@ -1,0 +1,5 @@
+"""Set before anything imports torch, for the reason that strokestyle/cli.py gives."""
+
+import os
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
