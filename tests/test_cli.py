@@ -146,7 +146,7 @@ def test_a_missing_mesh_and_a_folder(tmp_path):
 
 ODD_MESHES = {
     "one triangle": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-    "huge": TETRA.replace("1", "1e30").replace("f 1e30 3 2", "f 1 3 2").replace("f 1e30", "f 1").replace("f 2 3", "f 2 3"),
+    "huge": TETRA.replace("v 1", "v 1e30").replace("v 0 1", "v 0 1e30").replace("v 0 0 1", "v 0 0 1e30"),
     "tiny": "v 0 0 0\nv 1e-20 0 0\nv 0 1e-20 0\nv 0 0 1e-20\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
     "far away": "v 1e6 0 0\nv 1000001 0 0\nv 1e6 1 0\nv 1e6 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
     "duplicate faces": TETRA + "f 1 3 2\nf 3 2 1\nf 2 3 1\n",
@@ -216,7 +216,8 @@ def test_cameras_agree_with_named_views(tmp_path, sphere):
 
 
 def test_outside_curves(tmp_path, sphere):
-    (tmp_path / "c.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 128 128"><path d="M10 10L90 90"/></svg>')
+    line = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 128 128"><path d="M10 10L90 90"/></svg>'
+    (tmp_path / "c.svg").write_text(line)
     result = run("extract", sphere, "-o", tmp_path / "a.json", "--curves", tmp_path / "c.svg", "--size", "128")
     assert result.exit_code == 0, result.stderr
     assert len(json.loads((tmp_path / "a.json").read_text())["curves"]) == 1
@@ -228,7 +229,10 @@ def test_bad_outside_curves(tmp_path, sphere, content):
     refused("extract", sphere, "-o", tmp_path / "a.json", "--curves", tmp_path / "c.json", words=["c.json"])
 
 
-@pytest.mark.parametrize("content", ["", "{}", "junk", '{"eye": [0,0,0], "target": [0,0,0], "fov_y_deg": 3, "size": [64, 64]}'])
+SAME_POINT = '{"eye": [0, 0, 0], "target": [0, 0, 0], "fov_y_deg": 3, "size": [64, 64]}'
+
+
+@pytest.mark.parametrize("content", ["", "{}", "junk", SAME_POINT])
 def test_bad_cameras(tmp_path, sphere, content):
     (tmp_path / "c.json").write_text(content)
     refused("extract", sphere, "-o", tmp_path / "a.json", "--camera", tmp_path / "c.json", words=["c.json"])

@@ -201,7 +201,8 @@ def test_drawings_that_are_no_images(studio, tmp_path):
 
 def test_a_shape_without_visible_lines_cannot_be_learned_from(studio, tmp_path):
     (tmp_path / "c.json").write_text('{"eye": [0, 0, 3], "target": [0, 0, 9], "fov_y_deg": 30, "size": [256, 256]}')
-    refused("fit", studio / "drawing.png", studio / "torus.obj", "--camera", tmp_path / "c.json", "-o", tmp_path / "m.pt",
+    camera = ("--camera", tmp_path / "c.json")
+    refused("fit", studio / "drawing.png", studio / "torus.obj", *camera, "-o", tmp_path / "m.pt",
             words=["no visible curves"])  # fmt: skip
 
 

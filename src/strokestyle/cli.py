@@ -94,23 +94,6 @@ class Kinds(click.ParamType):
         return names
 
 
-class Span(click.ParamType):
-    name = "LOW..HIGH"
-
-    def convert(self, value, param, ctx):
-        if isinstance(value, tuple):
-            return value
-        try:
-            parts = [float(part) for part in str(value).split("..")]
-        except ValueError:
-            parts = []
-        if len(parts) == 1:
-            parts = parts * 2
-        if len(parts) != 2 or not 0 <= parts[0] <= parts[1] <= 1:
-            self.fail(f"{value!r}: give one number from 0 to 1, or LOW..HIGH", param, ctx)
-        return tuple(parts)
-
-
 def _options(*options):
     def decorate(function):
         return functools.reduce(lambda f, option: option(f), reversed(options), function)
