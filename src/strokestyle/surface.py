@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import logging
+import re
 import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -200,27 +202,38 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ..
         raise ValueError(f"{path}: {what}; use obj, ply, stl, off or glb")
     try:
         with _silence():
-            scene = trimesh.load_scene(str(path), process=False)
+            if suffix == ".obj":
+                # Names and comments may be in any encoding. Materials would cut one shape into several parts.
+                text = path.read_bytes().decode("utf-8", "replace").encode()
+                options = {"file_type": "obj", "split_objects": True, "group_material": False, "skip_materials": True}
+                scene = trimesh.load_scene(io.BytesIO(text), process=False, **options)
+            else:
+                scene = trimesh.load_scene(str(path), process=False)
             parts = [geometry for geometry in scene.dump() if len(getattr(geometry, "vertices", ()))]
-    except OSError:
-        raise
+    except OSError as error:
+        raise type(error)(f"{path}: cannot be read ({_line(error)})") from None
     except ImportError as error:
         extra = _EXTRA_PACKAGES.get(suffix) or getattr(error, "name", None) or "the package it names"
         raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}") from None
     except Exception as error:  # a damaged file can fail anywhere inside a parser, in any way
-        raise ValueError(f"{path}: damaged, or not a {suffix[1:]} file ({_line(error)})") from None
+        raise ValueError(f"{path}: damaged, or not in {suffix[1:]} format ({_line(error)})") from None
     meshes = [geometry for geometry in parts if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)]
     if not meshes:
         points = sum(len(geometry.vertices) for geometry in parts)
         if points:
             raise ValueError(f"{path}: no faces in it ({points} points): a point cloud cannot be drawn; mesh it first")
-        raise ValueError(f"{path}: no faces in it")
+        raise ValueError(f"{path}: no faces in it; is it a mesh in {suffix[1:]} format?")
     offset = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     vertices = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes])
     faces = np.concatenate([np.asarray(mesh.faces, np.int64) + at for mesh, at in zip(meshes, offset, strict=False)])
     part = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
-    names = tuple(str(mesh.metadata.get("node") or mesh.metadata.get("name") or "") for mesh in meshes)
-    return vertices, faces, part, names
+    return vertices, faces, part, tuple(_part_name(mesh.metadata, path) for mesh in meshes)
+
+
+def _part_name(metadata: dict, path: Path) -> str:
+    """The name that the file gives a part, "" where trimesh made one up."""
+    name = str(metadata.get("node") or metadata.get("name") or "")
+    return "" if name == path.name or re.fullmatch(r"geometry(_\d+)?", name) else name
 
 
 def _line(error: Exception) -> str:
@@ -443,13 +456,18 @@ def _scatter(index: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     return np.bincount(index, weights=values, minlength=count)
 
 
+def _sides(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
+    """The three sides (F, 3) of each face, side i opposite corner i."""
+    p0, p1, p2 = (vertices[faces[:, i]] for i in range(3))
+    return [p2 - p1, p0 - p2, p1 - p0]
+
+
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Unit normals (V, 3): face normals weighted as in Max 1999, exact for points on a sphere."""
-    p = vertices[faces]
-    side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]  # side i lies opposite corner i
-    cross = np.cross(side[:, 1], side[:, 2])
-    square = np.maximum(_dot(side, side), _TINY)
-    weight = 1.0 / (square[:, [1, 2, 0]] * square[:, [2, 0, 1]])
+    side = _sides(vertices, faces)
+    cross = np.cross(side[0], side[1])
+    square = [np.maximum(_dot(s, s), _TINY) for s in side]
+    weight = np.stack([1.0 / (square[1] * square[2]), 1.0 / (square[2] * square[0]), 1.0 / (square[0] * square[1])], 1)
     index = faces.ravel()
     total = [_scatter(index, (weight * cross[:, i, None]).ravel(), len(vertices)) for i in range(3)]
     normals = np.stack(total, axis=1)
@@ -463,26 +481,26 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Voronoi area of each corner (F, 3); obtuse faces are cut so that no corner's share is negative.
+    """Voronoi area of each corner (F, 3): the part of the face nearer to it than to the other two.
 
-    The share of corner i is where a point of the face is nearer to it than to the others (Meyer 2003, as in rtsc).
+    An obtuse face is cut by the bisectors of its two shorter sides (Rusinkiewicz 2004), so that no share is negative.
     """
-    p = vertices[faces]
-    side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
-    square = _dot(side, side)
-    area = 0.5 * np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
-    after, before = [1, 2, 0], [2, 0, 1]
-    weight = square * (square[:, after] + square[:, before] - square)  # barycentric weights of the circumcentre
-    total = np.maximum(weight.sum(axis=1), _TINY)
-    areas = 0.5 * (area / total)[:, None] * (weight[:, after] + weight[:, before])
+    side = _sides(vertices, faces)
+    cross = np.cross(side[0], side[1])
+    area = 0.5 * np.sqrt(_dot(cross, cross))
+    square = [_dot(s, s) for s in side]
+    # barycentric weights of the circumcentre, which is outside the face where one of them is negative
+    weight = [square[i] * (square[i - 2] + square[i - 1] - square[i]) for i in range(3)]
+    scale = 0.5 * area / np.maximum(weight[0] + weight[1] + weight[2], _TINY)
+    areas = [scale * (weight[i - 2] + weight[i - 1]) for i in range(3)]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        obtuse = np.flatnonzero(weight[:, i] <= 0.0)
-        s, a = side[obtuse], area[obtuse]
-        at_j = -0.25 * square[obtuse, k] * a / np.minimum(_dot(s[:, i], s[:, k]), -_TINY)
-        at_k = -0.25 * square[obtuse, j] * a / np.minimum(_dot(s[:, i], s[:, j]), -_TINY)
-        areas[obtuse, j], areas[obtuse, k], areas[obtuse, i] = at_j, at_k, a - at_j - at_k
-    return areas
+        obtuse = np.flatnonzero(weight[i] <= 0.0)
+        s, a = [part[obtuse] for part in side], area[obtuse]
+        at_j = -0.25 * square[k][obtuse] * a / np.minimum(_dot(s[i], s[k]), -_TINY)
+        at_k = -0.25 * square[j][obtuse] * a / np.minimum(_dot(s[i], s[j]), -_TINY)
+        areas[j][obtuse], areas[k][obtuse], areas[i][obtuse] = at_j, at_k, a - at_j - at_k
+    return np.stack(areas, axis=1)
 
 
 def _tangent_frame(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -533,7 +551,7 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     """
     count, index = len(vertices), faces.ravel()
     normals = vertex_normals(vertices, faces)
-    blur = _blur_matrix(vertices, faces, smooth)
+    blur = _blur(vertices, faces, smooth)
     if blur is not None:
         normals = _unit(blur(normals))
     x, y = _tangent_frame(normals)
@@ -542,35 +560,36 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     share = areas.ravel() / np.maximum(_scatter(index, areas.ravel(), count), _TINY)[index]  # (3F,)
 
     # the face's own frame (t, b, n), and its sides in it
-    p = vertices[faces]
-    side = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]
-    t = _unit(side[:, 0])
-    n = _unit(np.cross(side[:, 0], side[:, 1]))
+    side = _sides(vertices, faces)
+    t = _unit(side[0])
+    n = _unit(np.cross(side[0], side[1]))
     b = np.cross(n, t)
-    u = np.stack([_dot(side[:, i], t) for i in range(3)])  # (3, F)
-    v = np.stack([_dot(side[:, i], b) for i in range(3)])
+    u = np.stack([_dot(s, t) for s in side])  # (3, F)
+    v = np.stack([_dot(s, b) for s in side])
     uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
     flat = vv * uu > 1e-16 * (uu + vv) ** 2  # a sliver says nothing across its length: give it no vote
     share = (share.reshape(-1, 3) * flat[:, None]).ravel()
 
     # e^(i phi): t, seen in each corner's vertex frame after the shortest rotation of n onto the vertex normal
-    def per_corner(face_vector, vertex_vector):
-        return _dot(face_vector[:, None], vertex_vector[faces])
-
-    tilt = per_corner(t, normals) / np.maximum(1.0 + per_corner(n, normals), 1e-6)
-    turn = per_corner(t, x) - tilt * per_corner(n, x) + 1j * (per_corner(t, y) - tilt * per_corner(n, y))
+    corner_normals = [normals[faces[:, i]] for i in range(3)]
+    turn = np.empty(faces.shape, complex)
+    for i in range(3):
+        tilt = _dot(t, corner_normals[i]) / np.maximum(1.0 + _dot(n, corner_normals[i]), 1e-6)
+        rotated = t - tilt[:, None] * n  # less a part along the vertex normal, which x and y do not see
+        turn[:, i].real = _dot(rotated, x[faces[:, i]])
+        turn[:, i].imag = _dot(rotated, y[faces[:, i]])
     size = np.abs(turn)
-    turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)  # (F, 3)
+    turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)
+    turn_twice = turn * turn
 
     # second fundamental form: dn = II . side
-    corner_normals = normals[faces]
-    dn = corner_normals[:, [2, 0, 1]] - corner_normals[:, [1, 2, 0]]
-    du = np.stack([_dot(dn[:, i], t) for i in range(3)])
-    dv = np.stack([_dot(dn[:, i], b) for i in range(3)])
+    dn = [corner_normals[i - 1] - corner_normals[i - 2] for i in range(3)]
+    du = np.stack([_dot(d, t) for d in dn])
+    dv = np.stack([_dot(d, b) for d in dn])
     right = [(du * u).sum(axis=0), (du * v + dv * u).sum(axis=0), (dv * v).sum(axis=0)]
     e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right, rtsc)
     mean = _scatter(index, np.repeat(0.5 * (e + g), 3) * share, count)
-    deviator = _scatter(index, ((0.5 * (e - g) + 1j * f)[:, None] * turn**2).ravel() * share, count)
+    deviator = _scatter(index, ((0.5 * (e - g) + 1j * f)[:, None] * turn_twice).ravel() * share, count)
     if blur is not None:
         mean, deviator = _blur_tensor(blur, mean, deviator, x, y)
 
@@ -585,10 +604,10 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     pdir2 = axis.real[:, None] * y - axis.imag[:, None] * x
 
     # derivative tensor: differences of the form, seen in the face's frame, along the sides
-    seen = deviator[faces] * np.conj(turn) ** 2
-    h = mean[faces]
-    d_mean = (h[:, [2, 0, 1]] - h[:, [1, 2, 0]]).T
-    d_dev = (seen[:, [2, 0, 1]] - seen[:, [1, 2, 0]]).T
+    seen = (deviator[faces] * np.conj(turn_twice)).T
+    h = mean[faces.T]
+    d_mean = np.stack([h[i - 1] - h[i - 2] for i in range(3)])
+    d_dev = np.stack([seen[i - 1] - seen[i - 2] for i in range(3)])
     d_uu, d_uv, d_vv = d_mean + d_dev.real, d_dev.imag, d_mean - d_dev.real
     right = [
         (u * d_uu).sum(axis=0),
@@ -598,9 +617,9 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     ]
     p_, q, r, s = _solve_tridiagonal([uu, 2.0 * uu + vv, uu + 2.0 * vv, vv], [uv, 2.0 * uv, uv], right)
     one = (0.75 * ((p_ + r) + 1j * (q + s)))[:, None] * turn
-    three = (0.25 * ((p_ - 3.0 * r) + 1j * (3.0 * q - s)))[:, None] * turn**3
+    three = (0.25 * ((p_ - 3.0 * r) + 1j * (3.0 * q - s)))[:, None] * (turn_twice * turn)
     one = _scatter(index, one.ravel() * share, count) / axis
-    three = _scatter(index, three.ravel() * share, count) / axis**3
+    three = _scatter(index, three.ravel() * share, count) / (axis * axis * axis)
     dcurv = np.stack(
         [one.real + three.real, one.imag / 3.0 + three.imag, one.real / 3.0 - three.real, one.imag - three.imag], axis=1
     )
@@ -654,7 +673,7 @@ def _smallest_sphere(points: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]
     return best
 
 
-def _blur_matrix(vertices: np.ndarray, faces: np.ndarray, smooth: float):
+def _blur(vertices: np.ndarray, faces: np.ndarray, smooth: float):
     """A function that smooths per-vertex values (V, k) by `smooth` mean edges; None where there is nothing to do.
 
     Repeated half-way averaging with the edge neighbours: each step adds a quarter of a squared edge of variance.
@@ -664,15 +683,18 @@ def _blur_matrix(vertices: np.ndarray, faces: np.ndarray, smooth: float):
     count = len(vertices)
     edges, _ = mesh_edges(faces, count)
     rows, columns = np.r_[edges[:, 0], edges[:, 1]], np.r_[edges[:, 1], edges[:, 0]]
-    neighbours = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
-    weight = 0.5 / np.asarray(neighbours.sum(axis=1)).ravel()
     steps = int(np.ceil(4.0 * smooth**2))
-    blend = 4.0 * smooth**2 / steps  # the last step would overshoot: make all a little shorter instead
+    part = 0.5 * (4.0 * smooth**2 / steps)  # a little less than half, so that whole steps end where they should
+    weight = part / np.bincount(rows, minlength=count)[rows]
+    everyone = np.arange(count)
+    step = csr_matrix(
+        (np.r_[weight, np.full(count, 1.0 - part)], (np.r_[rows, everyone], np.r_[columns, everyone])),
+        shape=(count, count),
+    )
 
     def blur(values):
         for _ in range(steps):
-            average = 0.5 * values + weight.reshape(-1, *[1] * (values.ndim - 1)) * (neighbours @ values)
-            values = values + blend * (average - values)
+            values = step @ values
         return values
 
     return blur
@@ -680,9 +702,10 @@ def _blur_matrix(vertices: np.ndarray, faces: np.ndarray, smooth: float):
 
 def _blur_tensor(blur, mean, deviator, x, y):
     """Smooth the curvature tensor in world coordinates, where neighbours' frames agree, and read it back in (x, y)."""
+    row, column = np.triu_indices(3)  # of the six entries of a symmetric tensor
+    entry = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
     a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real
-    xx, xy, yy = x[:, :, None] * x[:, None], x[:, :, None] * y[:, None], y[:, :, None] * y[:, None]
-    tensor = a[:, None, None] * xx + b[:, None, None] * (xy + xy.swapaxes(1, 2)) + c[:, None, None] * yy
-    tensor = blur(tensor.reshape(-1, 9)).reshape(-1, 3, 3)
+    tensor = a[:, None] * x[:, row] * x[:, column] + c[:, None] * y[:, row] * y[:, column]
+    tensor = blur(tensor + b[:, None] * (x[:, row] * y[:, column] + y[:, row] * x[:, column]))[:, entry]
     a, b, c = (np.einsum("vi,vij,vj->v", p, tensor, q) for p, q in ((x, x), (x, y), (y, y)))
     return 0.5 * (a + c), 0.5 * (a - c) + 1j * b
