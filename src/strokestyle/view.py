@@ -106,8 +106,8 @@ class View:
         """Maps read at the curves' points, or at pixels `xy` (N, 2): (N, len(names)) float32.
 
         A line often lies where one part of the surface hides another, or on the rim of the shape, half a pixel off. It
-        belongs to the part in front, so the pixel under a point is left for the front-most one within 2 px where that
-        one is clearly nearer to the eye, or where the point's own pixel shows no surface.
+        belongs to the part in front: where some pixel within 2 px shows a surface clearly nearer to the eye than the
+        pixel under the point does, or that one shows none, the nearest pixel of the nearer surface is read instead.
         """
         xy = self.curves.xy if xy is None else np.asarray(xy, np.float64)
         rows = [self.maps.names.index(name) for name in names]
@@ -122,11 +122,14 @@ class View:
         near_row = np.clip(row[:, None] + dy[disc], 0, height - 1)
         near_column = np.clip(column[:, None] + dx[disc], 0, width - 1)
         around = depth[near_row, near_column]  # (N, 13)
-        front = around.argmin(axis=1)[:, None]
-        own, best = depth[row, column], np.take_along_axis(around, front, 1)[:, 0]
-        moved = best < own * (1.0 - DEPTH_STEP)
-        row = np.where(moved, np.take_along_axis(near_row, front, 1)[:, 0], row)
-        column = np.where(moved, np.take_along_axis(near_column, front, 1)[:, 0], column)
+        front = around.min(axis=1)
+        moved = front < depth[row, column] * (1.0 - DEPTH_STEP)
+        # of the pixels of the part in front, the nearest to the point
+        away = (near_column + 0.5 - xy[:, :1]) ** 2 + (near_row + 0.5 - xy[:, 1:]) ** 2
+        away[around > front[:, None] * (1.0 + DEPTH_STEP)] = np.inf
+        best = away.argmin(axis=1)[:, None]
+        row = np.where(moved, np.take_along_axis(near_row, best, 1)[:, 0], row)
+        column = np.where(moved, np.take_along_axis(near_column, best, 1)[:, 0], column)
         lost = ~self.maps.covered[row, column]
         if lost.any():
             _, (to_row, to_column) = distance_transform_edt(~self.maps.covered, return_indices=True)
