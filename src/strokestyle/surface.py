@@ -222,7 +222,7 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ..
         points = sum(len(geometry.vertices) for geometry in parts)
         if points:
             raise ValueError(f"{path}: no faces in it ({points} points): a point cloud cannot be drawn; mesh it first")
-        raise ValueError(f"{path}: no faces in it; is it a mesh in {suffix[1:]} format?")
+        raise ValueError(f"{path}: no faces in it: damaged, or not in {suffix[1:]} format")
     offset = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     vertices = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes])
     faces = np.concatenate([np.asarray(mesh.faces, np.int64) + at for mesh, at in zip(meshes, offset, strict=False)])
