@@ -218,12 +218,13 @@ def meet(square, pull) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cut_quads(f: Field, vertices, quads) -> np.ndarray:
-    """Quads (Q, 4) -> triangles (2Q, 3), along the diagonal that lies nearer to the surface and gives fair triangles."""
+    """Quads (Q, 4) -> triangles (2Q, 3), along the diagonal nearer to the surface that leaves fair triangles."""
     cost = []
     for i in (0, 1):
         a, b, c, d = (vertices[quads[:, (i + k) % 4]] for k in range(4))
         length = np.linalg.norm(c - a, axis=1)
-        height = np.minimum(*(np.linalg.norm(np.cross(c - a, x - a), axis=1) / np.maximum(length, 1e-12) for x in (b, d)))
+        area = np.minimum(*(np.linalg.norm(np.cross(c - a, x - a), axis=1) for x in (b, d)))
+        height = area / np.maximum(length, 1e-12)
         away = np.abs(f(0.5 * (a + c)))
         cost.append(away + 0.02 * length + np.maximum(0.3 * length - height, 0.0))
     quads = np.where((cost[1] < cost[0])[:, None], np.roll(quads, -1, axis=1), quads)
@@ -315,8 +316,10 @@ def even_valence(mesh: Mesh, rounds=4) -> Mesh:
         after = [np.abs(valence[x] + s - 6) for x, s in ((a, -1), (b, -1), (c, 1), (d, 1))]
         gain = sum(excess) - sum(after)
         cross = np.cross(vertices[b] - vertices[a], vertices[c] - vertices[a])
-        flat = (cross * cross[twin]).sum(1) > 0.9 * np.linalg.norm(cross, axis=1) * np.linalg.norm(cross[twin], axis=1)
-        two = np.stack([np.cross(vertices[d] - vertices[c], vertices[x] - vertices[c]) * s for x, s in ((a, -1), (b, 1))])
+        area = np.linalg.norm(cross, axis=1)
+        flat = (cross * cross[twin]).sum(1) > 0.9 * area * area[twin]
+        across = vertices[d] - vertices[c]
+        two = np.stack([np.cross(vertices[a] - vertices[c], across), np.cross(across, vertices[b] - vertices[c])])
         convex = ((two * cross).sum(2) > 0.1 * (cross * cross).sum(1)).all(axis=0)
         known = np.isin(np.minimum(c, d) * len(vertices) + np.maximum(c, d), np.r_[key[half[:, 0] < half[:, 1]]])
         wish = np.flatnonzero((gain > 0) & flat & convex & ~known & (a < b))
@@ -555,22 +558,22 @@ def teapot() -> Mesh:
             rings.append(np.column_stack([r * arc(np.arange(sides) / sides), np.full(sides, z)]))
         return loft(rings)
 
-    def rod(rows, around, along, first) -> Mesh:
+    def rod(rows, around, along) -> Mesh:
         v = np.arange(around) / around
         low, high = np.zeros(around), np.full(around, 1.0)
         for _ in range(40):  # where each line along the tube leaves the body
             middle = 0.5 * (low + high)
             hidden = outside(tube_at(rows, middle, v)) < 0.004
             low, high = np.where(hidden, middle, low), np.where(hidden, high, middle)
-        start = high if first else np.zeros(around)
-        steps = [tube_at(rows, start + (2.0 - start) * t, v) for t in np.linspace(0, 1, along + 1)]
+        steps = [tube_at(rows, high + (2.0 - high) * t, v) for t in np.linspace(0, 1, along + 1)]
         vertices, faces = loft(steps)
         return vertices, faces[:, ::-1]
 
-    parts = [body(), rod(handle, 24, 56, True), rod(spout, 40, 44, True)]
-    starts = np.cumsum([0] + [len(v) for v, _ in parts])
-    vertices = np.concatenate([v for v, _ in parts])
-    return vertices[:, [0, 2, 1]] * [1, 1, -1], np.concatenate([f + n for (_, f), n in zip(parts, starts, strict=False)])
+    vertices, faces = body()
+    for part, part_faces in (rod(handle, 24, 56), rod(spout, 40, 44)):
+        faces = np.concatenate([faces, part_faces + len(vertices)])
+        vertices = np.concatenate([vertices, part])
+    return vertices[:, [0, 2, 1]] * [1, 1, -1], faces
 
 
 def loft(rings: list[np.ndarray]) -> Mesh:
