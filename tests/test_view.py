@@ -221,6 +221,35 @@ def test_a_cube_shows_nine_edges():
     assert abs(fragments.lengths().sum() - expected) < 0.01 * expected
 
 
+def bent_beam(n=8):
+    """The surface of an L-shaped beam of n^3 boxes a unit, bent: 18 creases, one concave, beside curved sides."""
+    full = np.zeros((2 * n + 2, 2 * n + 2, 3 * n + 2), bool)
+    full[1:-1, 1:-1, 1:-1] = True
+    full[n + 1 :, n + 1 :] = False
+    quads = []
+    for axis in range(3):
+        a, b, c = np.roll(np.eye(3, dtype=int), -axis, axis=0)
+        for side in (0, 1):
+            base = np.argwhere(full & ~np.roll(full, 1 - 2 * side, axis)) + side * a
+            quad = np.stack([base, base + b, base + b + c, base + c], axis=1)
+            quads.append(quad if side else quad[:, ::-1])
+    points, index = np.unique(np.concatenate(quads).reshape(-1, 3), axis=0, return_inverse=True)
+    index, p = index.reshape(-1, 4), points / n
+    angle, radius = 0.25 * p[:, 2], 3 + p[:, 0]
+    vertices = np.stack([radius * np.cos(angle), p[:, 1], radius * np.sin(angle)], axis=1)
+    return make_surface(vertices, np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]]))
+
+
+def test_creases_have_no_echoes():
+    """Vertex normals mix the two sides of a crease, and suggestive contours and valleys would run beside it."""
+    surface = bent_beam()
+    lines = feature_curves(surface, fit_camera(surface.vertices), LineOptions(kinds=("crease",)))
+    assert len(lines) == 18
+    for view in ("three-quarter", "50,30", "100,20"):
+        curves = extract(surface, fit_camera(surface.vertices, view)).curves
+        assert {KINDS[k] for k in curves.kind} == {"contour", "crease"}
+
+
 def test_lines_end_at_the_edge_of_the_canvas():
     surface = make_surface(CUBE, CUBE_FACES)
     whole = fit_camera(surface.vertices, "20,20", width=200, height=200)

@@ -18,6 +18,7 @@ from .surface import Surface, differential_geometry
 SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")  # read off curvature, so that noise of the mesh tells
 SURFACE_KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent")
 MOST_SMOOTH = 3.0  # mean edges: a denser mesh is smoothed over less than LineOptions.smooth, or it would take long
+ECHO_FACES, ECHO_EDGES = 3, 14  # see _without_echoes
 _NEXT, _BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])  # the corners after and before corner 0, 1, 2
 
 
@@ -180,6 +181,7 @@ def feature_curves(surface: Surface, camera: Camera, options: LineOptions | None
     curves = SurfaceCurves.concatenate(
         [_chain(surface, part, camera.up, options.hysteresis) for part in segments] + [_facing(surface, view, options)]
     )
+    curves = _without_echoes(surface, curves, options)
     return curves.take(np.argsort(curves.kind, kind="stable"))
 
 
@@ -219,6 +221,43 @@ def _facing(surface: Surface, view: ViewFields, options: LineOptions) -> Surface
     seen = front[surface.faces[curves.face]].any(axis=1)
     sharp = np.isin(curves.kind, [KINDS.index("crease"), KINDS.index("boundary")])
     return curves.take(sharp | (np.add.reduceat(seen, curves.offsets[:-1]) > 0))
+
+
+def _without_echoes(surface: Surface, curves: SurfaceCurves, options: LineOptions) -> SurfaceCurves:
+    """Soft lines less their parts within ECHO_FACES faces of a crease.
+
+    There normals and curvatures mix both sides of the crease, and would draw it a second time beside itself. Creases
+    of fewer than ECHO_EDGES edges are as often the noise of a scan, and do not count.
+    """
+    near = _near_creases(surface, options)
+    soft = np.isin(curves.kind, [KINDS.index(kind) for kind in SOFT_KINDS])
+    which = np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
+    keep = ~(soft[which] & near[curves.face])
+    if keep.all():
+        return curves
+    start = np.flatnonzero(np.r_[True, (keep[1:] != keep[:-1]) | (which[1:] != which[:-1])])
+    count = np.diff(np.r_[start, len(keep)])
+    good = np.flatnonzero(keep[start] & (count >= 2))
+    rows, offsets = take_ragged(np.r_[start, len(keep)], good)
+    of = which[start[good]]
+    closed = curves.closed[of] & (count[good] == np.diff(curves.offsets)[of])
+    return SurfaceCurves(curves.face[rows], curves.bary[rows], offsets, curves.kind[of], closed, curves.strength[rows])
+
+
+@lru_cache(maxsize=4)
+def _near_creases(surface: Surface, options: LineOptions) -> np.ndarray:
+    """(F,) bool, within ECHO_FACES faces of a crease of ECHO_EDGES edges or more."""
+    curves = surface_lines(surface, options)
+    count = np.diff(curves.offsets)
+    long = (curves.kind == KINDS.index("crease")) & (count > ECHO_EDGES)
+    rows = np.repeat(long, count)
+    touched = np.zeros(len(surface.vertices), bool)
+    touched[surface.faces[curves.face[rows], curves.bary[rows].argmax(axis=1)]] = True  # creases run through vertices
+    near = np.zeros(len(surface.faces), bool)
+    for _ in range(ECHO_FACES):
+        near = touched[surface.faces].any(axis=1)
+        touched[surface.faces[near]] = True
+    return near
 
 
 # ------------------------------------------------------------------------------------------------- fields of a view
