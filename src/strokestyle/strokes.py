@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from .curves import KINDS, check_offsets
 
 FIT_STEP = 1.5  # px between the points of an outline that its cubics are fitted to
+STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
+NARROWING = 0.25  # px a px: the most by which a ribbon's half width falls along it
 
 
 @dataclass(frozen=True)
@@ -73,9 +76,9 @@ class Texture:
     ----------
     rgba : (T, A, 4) uint8, straight alpha. Strip i is rows offsets[i]:offsets[i+1]; its row r of n lies at the
         normalised arc length u = (r + 1/2) / n of the ribbon: the centre line, run straight on past both ends of an
-        open stroke by thickness / 2 + margin there, so that its caps are texture like the rest. Column a of A lies
-        across it at v = (2 a + 1) / A - 1, that is v * (thickness / 2 + margin) pixels along the normal (-t_y, t_x) of
-        the tangent t.
+        open stroke by its half width there, so that its caps are texture like the rest. Column a of A lies across it at
+        v = (2 a + 1) / A - 1, that is v times the ribbon's half width along the normal (-t_y, t_x) of the tangent t.
+        That half width is `half_widths`: half the thickness, kept from narrowing abruptly, plus margin.
     offsets : (C+1,) int64
     margin : float, pixels beyond the half thickness that the strips reach, so that soft edges are not cut
     """
@@ -196,15 +199,15 @@ def outline(strokes: Strokes, i: int, tolerance: float = 0.1) -> list[np.ndarray
     return outlines(strokes, tolerance, [i])[0]
 
 
-def outlines(strokes: Strokes, tolerance: float = 0.1, index=None, inflate: float = 0.0) -> list[list[np.ndarray]]:
-    """`outline` of many strokes at once (all, or those of `index`), each grown by `inflate` pixels on every side."""
+def outlines(strokes: Strokes, tolerance: float = 0.1, index=None) -> list[list[np.ndarray]]:
+    """`outline` of many strokes at once: all, or those of `index`, in that order."""
     if not tolerance > 0:
         raise ValueError(f"the tolerance of an outline must be above 0 px, got {tolerance}")
     index = range(len(strokes)) if index is None else index
     rings, corners, count = [], [], []
     for i in index:
         rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
-        radius = 0.5 * strokes.thickness[rows] + inflate
+        radius = 0.5 * strokes.thickness[rows]
         made = exact_rings(strokes.xy[rows], radius, bool(strokes.closed[i]), 0.2 * tolerance)
         rings += [ring for ring, _ in made]
         corners += [corner for _, corner in made]
@@ -390,7 +393,7 @@ class Ribbon:
     Parameters
     ----------
     xy : (n, 2) float64, pixels; no two neighbours coincide
-    half : (n,) float64, pixels from the centre line to v = 1: thickness / 2 + margin
+    half : (n,) float64, pixels from the centre line to v = 1
     along : (n,) float64, pixels of arc length from the ribbon's beginning
     closed : bool, its end is its beginning
     """
@@ -405,11 +408,40 @@ class Ribbon:
         return float(self.along[-1])
 
 
-def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbon:
-    """The ribbon of stroke i, all lengths multiplied by `scale`."""
+def half_widths(strokes: Strokes, i: int, margin: float) -> np.ndarray:
+    """Pixels from the centre line to the edge of the ribbon at each point of stroke i, (n,).
+
+    Half the thickness plus `margin`; but where a stroke narrows faster than NARROWING, as at a blunt end, the ribbon
+    does not: there the texture's alpha is the shape, and its grain is not squeezed to a point.
+    """
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
-    xy, half = distinct(strokes.xy[rows] * scale, (0.5 * strokes.thickness[rows] + margin) * scale)
+    xy, half = strokes.xy[rows], 0.5 * strokes.thickness[rows]
+    s = NARROWING * np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
+    if strokes.closed[i]:
+        half, s = np.tile(half, 3), np.concatenate([s - s[-1], s, s + s[-1]])
+    half = np.maximum(np.maximum.accumulate(half + s) - s, np.maximum.accumulate((half - s)[::-1])[::-1] + s)
+    return half[len(xy) : 2 * len(xy)] + margin if strokes.closed[i] else half + margin
+
+
+def ribbon_outlines(drawing: Drawing, tolerance: float = 0.1, index=None) -> list[list[np.ndarray]]:
+    """Outlines of the ribbons that the texture fills, as `outlines` has them of the strokes."""
+    strokes = drawing.strokes
+    half = [half_widths(strokes, i, drawing.texture.margin) for i in range(len(strokes))]
+    wide = 2.0 * np.concatenate(half) if half else strokes.thickness
+    return outlines(Strokes(strokes.xy, wide, strokes.offsets, strokes.kind, strokes.closed), tolerance, index)
+
+
+def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbon:
+    """The ribbon of stroke i, all lengths multiplied by `scale`.
+
+    A broad ribbon cannot follow every tremor of its centre line without folding: it is smoothed by STIFFNESS of its
+    half width.
+    """
+    rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
+    xy, half = distinct(strokes.xy[rows], half_widths(strokes, i, margin))
     closed = bool(strokes.closed[i]) and len(xy) > 3
+    if len(xy) > 2:
+        xy, half = _stiffened(xy, half, closed)
     if not closed:
         out = xy[[0, -1]] - xy[[1, -2]] if len(xy) > 1 else np.array([[-1.0, 0.0], [1.0, 0.0]])
         out = out / np.hypot(out[:, 0], out[:, 1])[:, None]
@@ -417,7 +449,31 @@ def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbo
         xy = np.concatenate([xy[:1] + reach[0] * out[:1], xy, xy[-1:] + reach[1] * out[1:]])
         half = np.r_[half[0], half, half[-1]]
     step = np.hypot(*np.diff(xy, axis=0).T)
-    return Ribbon(xy, half, np.r_[0.0, np.cumsum(step)], closed)
+    return Ribbon(xy * scale, half * scale, np.r_[0.0, np.cumsum(step)] * scale, closed)
+
+
+def _stiffened(xy, half, closed):
+    """Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half width."""
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
+    sigma = STIFFNESS * float(np.median(half))
+    count = max(3, int(np.ceil(along[-1] / max(1.0, min(sigma, 3.0)))))
+    at = np.linspace(0.0, along[-1], count + 1)
+    even = np.stack([np.interp(at, along, column) for column in xy.T], axis=1)
+    half = np.interp(at, along, half)
+    sigma = sigma * count / along[-1]
+    reach = min(int(4 * sigma) + 1, count)
+    if closed:
+        padded = np.concatenate([even[-1 - reach : -1], even, even[1 : 1 + reach]])
+    else:  # turned about the ends, so that these stay where they are
+        padded = np.concatenate(
+            [2 * even[:1] - even[reach:0:-1], even, 2 * even[-1:] - even[-2 : -2 - reach : -1]]
+        )
+    smooth = ndimage.gaussian_filter1d(padded, sigma, axis=0, mode="nearest")[reach : reach + count + 1]
+    if closed:
+        smooth[-1] = smooth[0]
+    moved = np.hypot(*np.diff(smooth, axis=0).T) > 1e-6
+    keep = np.r_[True, moved]
+    return smooth[keep], half[keep]
 
 
 def strip_points(band: Ribbon, rows: int, columns: int) -> np.ndarray:

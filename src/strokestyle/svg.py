@@ -19,7 +19,7 @@ from PIL import Image
 from . import __version__
 from .curves import KINDS, Curves, arc_length, simplify
 from .files import write_bytes
-from .strokes import Drawing, outlines, paint_order, stroke_pixels
+from .strokes import Drawing, outlines, paint_order, ribbon_outlines, stroke_pixels
 
 MM_PER_PX = 25.4 / 96.0  # CSS pixels
 TEXTURES = ("auto", "image", "none")
@@ -67,7 +67,7 @@ def write_svg(
     page = _page(drawing.size, title, description, background)
     strokes = drawing.strokes
     order = paint_order(strokes)
-    rings = outlines(strokes, tolerance, order, drawing.texture.margin if image else 0.0)
+    rings = ribbon_outlines(drawing, tolerance, order) if image else outlines(strokes, tolerance, order)
     digits = max(3, len(str(max(len(order) - 1, 0))))
     parents = {}
     for number, (i, stroke_rings) in enumerate(zip(order.tolist(), rings, strict=True)):

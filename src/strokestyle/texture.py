@@ -7,7 +7,7 @@ long, joined along least-error cuts. What varies slowly (tone) follows a regress
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy import ndimage
@@ -26,6 +26,8 @@ TONE_SIGMA = 5.0  # px along the stroke; what varies more slowly is tone, what v
 CANDIDATES = 24  # source positions weighed at every choice
 LUCK = 0.3  # how far chance decides between sources that cost about the same
 FLAW, JUMP, SEEN, OVER = 12.0, 3.0, 60.0, 4.0  # costs: of hidden rows, of a joint, of what it shows, past a strip's end
+FLAT_TAX = 0.075  # flat ink may err by this much more than strips: it is crisp at any size, and easy to edit
+SIGHT = 1.2  # px, blur under which flat ink and strips are compared
 LEAST_NOISE = np.array([0.03, 0.02, 0.02, 0.02])
 HALF_CUT = 4  # px to either side of a joint within which the least-error cut is sought
 
@@ -38,8 +40,8 @@ class TextureBank:
     ----------
     rgba : (T, A, 4) uint8 straight, strips of the training strokes in drawing direction (see `_against_the_hand`)
     offsets : (C+1,) int64 rows of each strip
-    row : (T, 4) float32: thickness; px from the stroke's start and end, negative in the caps, END at most; flaw in
-        [0, 1], the part of the row that other strokes hide
+    row : (T, 4) float32: width of the ribbon without its margins; px from the stroke's start and end, negative in the
+        caps, END at most; flaw in [0, 1], the part of the row that other strokes hide
     look : (T, D) float32, appearance round a row, small where two rows can follow each other unseen
     tone : (T, 4) float32, opacity and ink colour round a row
     fitted : (T, 4) float32, that tone as predicted from the features
@@ -79,10 +81,12 @@ class TextureBank:
 class Rows:
     """The rows of all strips of some strokes, in drawing direction.
 
-    offsets (C+1,); thickness, start, end (R,) px; features (R, P); turned (C,) bool, against the strokes' own direction
+    offsets (C+1,); width (R,) px of the ribbon without its margins, at least the thickness (R,) px; start, end (R,) px
+    from the stroke's ends; features (R, P); turned (C,) bool, against the strokes' own direction
     """
 
     offsets: np.ndarray
+    width: np.ndarray
     thickness: np.ndarray
     start: np.ndarray
     end: np.ndarray
@@ -103,27 +107,25 @@ def _rows(strokes: Strokes, features: np.ndarray, margin: float) -> Rows:
     turned = _against_the_hand(strokes)
     count, columns = [], []
     for i in range(len(strokes)):
-        rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
+        part = slice(strokes.offsets[i], strokes.offsets[i + 1])
         band = ribbon(strokes, i, margin)
         n = max(2, round(ROWS * band.length))
         u = (np.arange(n) + 0.5) / n * band.length
-        thickness = 2.0 * (np.interp(u, band.along, band.half) - margin)
-        ends = np.full((2, n), END)
-        first = 0.0
-        if not band.closed:
-            first, last = band.half[0], band.length - band.half[-1]
-            ends = np.stack([np.minimum(u - first, END), np.minimum(last - u, END)])
-        step = np.hypot(*np.diff(strokes.xy[rows], axis=0).T)
-        along = np.r_[0.0, np.cumsum(step)] + first
-        carried = np.stack([np.interp(u, along, column) for column in features[rows].T], axis=1)
-        table = np.concatenate([thickness[:, None], ends.T, carried], axis=1)
+        first, last = (0.0, band.length) if band.closed else (band.half[0], band.length - band.half[-1])
+        ends = np.full((n, 2), END) if band.closed else np.minimum(np.stack([u - first, last - u], axis=1), END)
+        along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(strokes.xy[part], axis=0).T))]
+        along = first + along * (last - first) / max(along[-1], 1e-9)
+        carried = np.concatenate([strokes.thickness[part, None], features[part]], axis=1)
+        carried = np.stack([np.interp(u, along, column) for column in carried.T], axis=1)
+        width = 2.0 * (np.interp(u, band.along, band.half) - margin)
+        table = np.concatenate([width[:, None], ends, carried], axis=1)
         if turned[i]:
             table = table[::-1]
             table[:, [1, 2]] = table[:, [2, 1]]
         columns.append(table)
         count.append(n)
     table = np.concatenate(columns)
-    return Rows(np.r_[0, np.cumsum(count)], table[:, 0], table[:, 1], table[:, 2], table[:, 3:], turned)
+    return Rows(np.r_[0, np.cumsum(count)], table[:, 0], table[:, 3], table[:, 1], table[:, 2], table[:, 4:], turned)
 
 
 # ------------------------------------------------------------------------------------------------------ learning
@@ -152,7 +154,7 @@ def learn_texture(strokes: Strokes, features: np.ndarray, exemplar: Exemplar, se
     strips, valid = _cut_strips(strokes, rows, exemplar, claims, margin)
     flaw = 1.0 - valid.mean(axis=1)
     strips = _mend(strips, valid, rows, margin)
-    core = _core(rows.thickness, margin, strips.shape[1])
+    core = _core(rows.width, margin, strips.shape[1])
     tone = _tone(strips, core, rows.offsets, 1.0 - flaw)
     plain = _plain_regressors(rows)
     scale = np.stack([plain.mean(axis=0), np.maximum(plain.std(axis=0), 1e-6)])
@@ -161,7 +163,7 @@ def learn_texture(strokes: Strokes, features: np.ndarray, exemplar: Exemplar, se
     bank = TextureBank(
         rgba=np.rint(np.clip(_straight(strips), 0, 1) * 255).astype(np.uint8),
         offsets=rows.offsets,
-        row=np.stack([rows.thickness, rows.start, rows.end, flaw], axis=1).astype(np.float32),
+        row=np.stack([rows.width, rows.start, rows.end, flaw], axis=1).astype(np.float32),
         look=_look(strips, rows.offsets).astype(np.float32),
         tone=tone.astype(np.float32),
         fitted=(design @ weights).astype(np.float32),
@@ -171,7 +173,73 @@ def learn_texture(strokes: Strokes, features: np.ndarray, exemplar: Exemplar, se
         margin=np.array([margin], np.float32),
         flat=np.zeros(1, np.float32),
     )
-    return bank
+    flat = _flat_does(bank, rows, strips, flaw, seed)
+    return replace(bank, flat=np.array([flat], np.float32))
+
+
+def _flat_does(bank: TextureBank, rows: Rows, strips: np.ndarray, flaw: np.ndarray, seed: int) -> bool:
+    """Whether flat ink renders the training strokes as well as strips of the other strokes do.
+
+    Compared are not pixels, which would favour a blur, but what the eye takes from a mark: darkness and its unevenness,
+    edges across and grain along, each averaged over cells of some px.
+    """
+    if len(rows.offsets) < 3:
+        barred, own = None, bank
+    else:
+        barred, own = np.eye(len(rows.offsets) - 1, dtype=bool), bank
+    fitted = bank.fitted.astype(np.float64)
+    chosen = _choose(own, rows, fitted, np.random.default_rng(seed), barred)
+    laid = _lay(own, rows, chosen, fitted).astype(np.float32) / 255.0
+    laid[..., :3] *= laid[..., 3:]
+    columns, margin = strips.shape[1], float(bank.margin[0])
+    v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
+    distance = np.abs(v)[None] * (0.5 * rows.width + margin)[:, None]
+    cover = np.clip(0.5 * rows.thickness[:, None] - distance + 0.5, 0, 1)
+    cover *= (np.minimum(rows.start, rows.end) > -0.5 * rows.thickness)[:, None]
+    ink = _stroke_ink(rows, _solid(fitted, bank))[owner(rows.offsets)]
+    plain = (cover * ink[:, 3:])[..., None] * np.concatenate([ink[:, :3], np.ones((len(ink), 1))], axis=1)[:, None]
+    body = np.minimum(rows.start, rows.end) > -1.0
+    weight = (flaw < 0.2) & body
+    truth = _traits(strips, rows, weight)
+    scale = np.abs(truth).mean(axis=0) + 0.01
+    errors = [float((np.abs(_traits(made, rows, weight) - truth) / scale).mean()) for made in (plain, laid)]
+    return errors[0] <= errors[1] + FLAT_TAX
+
+
+def _traits(strips, rows, weight):
+    """What marks look like, per cell: (cells, traits). Cells are 12 px long and a quarter of the strip across."""
+    tone = np.stack([strips[..., 3], strips[..., 3] - strips[..., :3].mean(axis=2)], axis=2)
+    tone = ndimage.gaussian_filter(tone, (SIGHT * ROWS, SIGHT * ROWS, 0))
+    per_px = ROWS * 1.0
+    across = np.abs(np.diff(tone, axis=1, append=0)) * per_px
+    along = np.abs(np.diff(tone, axis=0, append=0)) * per_px
+    along[rows.offsets[1:] - 1] = 0.0
+    maps = np.concatenate([tone, across, along, np.square(tone)], axis=2)
+    cell = np.arange(len(tone)) // (12 * ROWS)
+    count = np.bincount(cell, weight, minlength=cell[-1] + 1)
+    bands = [part.mean(axis=1) for part in np.array_split(maps, 4, axis=1)]
+    table = np.concatenate(bands, axis=1) * weight[:, None]
+    sums = np.stack([np.bincount(cell, column, minlength=cell[-1] + 1) for column in table.T], axis=1)
+    return (sums / np.maximum(count, 1)[:, None])[count > 6 * ROWS]
+
+
+def _solid(tone, bank):
+    """Tone (R, 4) with the one opacity that the medium has away from its edges; thin strokes are not all edge."""
+    v = np.abs((2.0 * np.arange(bank.rgba.shape[1]) + 1.0) / bank.rgba.shape[1] - 1.0)
+    distance = v[None] * (0.5 * bank.row[:, :1] + bank.margin[0])
+    middle = (distance < 0.25 * bank.row[:, :1]) & (bank.row[:, 3:] < 0.1)
+    alpha = bank.rgba[..., 3][middle]
+    opacity = np.quantile(alpha, 0.75) / 255.0 if len(alpha) else 1.0
+    return np.concatenate([np.full((len(tone), 1), opacity), tone[:, 1:]], axis=1)
+
+
+def _stroke_ink(rows, tone):
+    """The flat ink (C, 4), straight RGBA, of strokes whose rows have `tone` (R, 4)."""
+    stroke = owner(rows.offsets)
+    weight = rows.width + 0.1
+    total = np.bincount(stroke, weight)
+    ink = np.stack([np.bincount(stroke, weight * column) / total for column in tone.T], axis=1)
+    return np.clip(ink[:, [1, 2, 3, 0]], 0, 1)
 
 
 def _checked(strokes, features):
@@ -254,7 +322,7 @@ def _cut_strips(strokes, rows, exemplar, claims, margin):
 
 def _columns(rows, margin):
     """Texels across, enough for the widest row."""
-    return int(np.clip(2 * np.ceil(ROWS * (0.5 * rows.thickness.max(initial=0.0) + margin)), 12, 128))
+    return int(np.clip(2 * np.ceil(ROWS * (0.5 * rows.width.max(initial=0.0) + margin)), 12, 128))
 
 
 def _core(thickness, margin, columns):
@@ -284,9 +352,9 @@ def _mend(strips, valid, rows, margin):
         out[a:b] = np.where(known[..., None], filled, strips[a:b])
         # past an end there is nothing to copy but the body of the stroke: round it off
         v = (2.0 * np.arange(strips.shape[1]) + 1.0) / strips.shape[1] - 1.0
-        across = v[None] * (0.5 * rows.thickness[a:b] + margin)[:, None]
+        across = v[None] * (0.5 * rows.width[a:b] + margin)[:, None]
         past = np.maximum(0.0, -np.minimum(rows.start[a:b], rows.end[a:b]))[:, None]
-        inside = np.clip(0.5 * rows.thickness[a:b, None] - np.hypot(across, past) + 1.0, 0.0, 1.0)
+        inside = np.clip(0.5 * rows.width[a:b, None] - np.hypot(across, past) + 1.0, 0.0, 1.0)
         out[a:b] *= np.where(free | (past <= 0), 1.0, inside)[..., None]
     return out
 
@@ -313,8 +381,8 @@ def _tone(strips, core, offsets, trust):
 
 def _plain_regressors(rows: Rows) -> np.ndarray:
     ends = np.clip(np.stack([rows.start, rows.end], axis=1), -3.0, END)
-    log = np.log(rows.thickness + 1.0)
-    return np.concatenate([rows.features, rows.thickness[:, None], log[:, None], ends], axis=1)
+    width = rows.width[:, None]
+    return np.concatenate([rows.features, width, np.log(width + 1.0), ends], axis=1)
 
 
 def _regressors(rows: Rows, scale: np.ndarray) -> np.ndarray:
@@ -382,17 +450,13 @@ def synthesise(
     predicted = _regressors(rows, bank.scale.astype(np.float64)) @ bank.weights
     low, high = bank.tone.min(axis=0), bank.tone.max(axis=0)
     predicted = np.clip(predicted, low, high)
-    stroke = owner(rows.offsets)
-    weight = np.bincount(stroke, rows.thickness + 0.1)
-    ink = [np.bincount(stroke, (rows.thickness + 0.1) * column) / weight for column in predicted.T]
-    color = np.clip(np.stack([ink[1], ink[2], ink[3], ink[0]], axis=1), 0, 1)
     if bank.flat[0] > 0.5:
-        return None, color
+        return None, _stroke_ink(rows, _solid(predicted, bank))
     rng = np.random.default_rng(seed)
     source = _choose(bank, rows, predicted, rng)
     strips = _lay(bank, rows, source, predicted)
     strips = _turn(strips, rows)
-    return Texture(strips, rows.offsets, margin), color
+    return Texture(strips, rows.offsets, margin), _stroke_ink(rows, predicted)
 
 
 def _turn(strips, rows):
@@ -416,7 +480,7 @@ def _choose(bank, rows, predicted, rng, barred=None) -> list[np.ndarray]:
     # the cost of laying source row s on target row t, as an inner product of what depends on each
     def of_target(node):
         tone = np.sqrt(0.5) * predicted[node] / noise
-        thick = np.sqrt(3.0) / 0.3 * np.log(rows.thickness[node, None] + 1.0)
+        thick = np.sqrt(3.0) / 0.3 * np.log(rows.width[node, None] + 1.0)
         plain = np.concatenate([tone, thick], axis=1)
         ends = np.clip(np.stack([rows.start[node], rows.end[node]], axis=1), -8.0, END)
         weight = 1.0 / np.square(4.0 + 0.25 * np.maximum(ends, 0.0))
@@ -483,15 +547,16 @@ def _viterbi(look, near, target, source, follows):
 
 def _lay(bank, rows, source, predicted) -> np.ndarray:
     """Copy the chosen runs into strips (R, A, 4) uint8 for the new strokes."""
-    out = np.zeros((len(rows.thickness), _columns(rows, float(bank.margin[0])), 4), np.uint8)
+    out = np.zeros((len(rows.width), _columns(rows, float(bank.margin[0])), 4), np.uint8)
     for nodes, a, b in zip(source, rows.offsets[:-1], rows.offsets[1:], strict=True):
-        layer = _lay_stroke(bank, rows.thickness[a:b], nodes, predicted[a:b], out.shape[1])
+        layer, source_rows = _lay_stroke(bank, rows.width[a:b], nodes, predicted[a:b], out.shape[1])
+        layer *= _caps(rows, slice(a, b), bank.row[source_rows], float(bank.margin[0]), out.shape[1])
         out[a:b] = np.rint(np.clip(_straight(layer), 0, 1) * 255)
     return out
 
 
 def _lay_stroke(bank, thickness, nodes, predicted, columns):
-    """One strip (n, columns, 4) float32, premultiplied."""
+    """One strip (n, columns, 4) float32, premultiplied, and the source row of each of its rows."""
     n, step, reach = len(thickness), NODE * ROWS, HALF_CUT * ROWS
     # runs: stretches of nodes that follow each other in the bank; target row r copies source row r + shift
     first = np.r_[0, np.flatnonzero(np.diff(nodes) != step) + 1]
@@ -521,7 +586,18 @@ def _lay_stroke(bank, thickness, nodes, predicted, columns):
             going_on = _toned(_resampled(bank, source, thickness[past], columns), bank.tone[source], wanted[past])
             patch[head] = _joined(np.concatenate([layer[over[:kept]], going_on]), patch[head])
         layer[r] = patch
-    return layer
+    return layer, s
+
+
+def _caps(rows, part, source, margin, columns):
+    """(n, columns, 1) in [0, 1]: rounds off the rows past an end that were copied from the body of a stroke."""
+    ends = np.stack([rows.start[part], rows.end[part]], axis=1)
+    past = np.maximum(0.0, -ends)
+    body = past * np.clip((source[:, 1:3] - ends - 1.0) / 2.0, 0.0, 1.0)  # as far past as the source was not
+    v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
+    across = v[None] * (0.5 * rows.width[part] + margin)[:, None]
+    inside = 0.5 * rows.width[part][:, None] + 0.5 - np.hypot(across, body.max(axis=1)[:, None])
+    return np.where(body.max(axis=1)[:, None] > 0, np.clip(inside, 0.0, 1.0), 1.0)[..., None].astype(np.float32)
 
 
 def _toned(patch, tone, wanted):
