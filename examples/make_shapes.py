@@ -185,7 +185,8 @@ def sharpen(f: Field, points, quads, h) -> np.ndarray:
     then slides towards the mean of its neighbours in what directions the planes leave open: two, one on an edge, none
     in a corner.
     """
-    around = 0.15 * h * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+    around = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+    around = 0.15 * h * around * [1.0, 0.87, 0.93]  # no cube: its corners would fall between two faces
     count = np.bincount(quads.ravel())
     total = lambda v: np.stack([np.bincount(quads.ravel(), c.repeat(4)) for c in v.T], axis=1)  # noqa: E731
     vertices = total(points) / count[:, None]
@@ -305,36 +306,63 @@ def even_valence(mesh: Mesh, rounds=4) -> Mesh:
     """Flip edges where that brings the valences of the four vertices round it nearer to six."""
     vertices, faces = mesh
     for _ in range(rounds):
-        half = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)  # half-edge a -> b of face // 3
-        apex = np.roll(faces, -2, axis=1).ravel()
-        key, back = half[:, 0] * len(vertices) + half[:, 1], half[:, 1] * len(vertices) + half[:, 0]
-        order = np.argsort(key)
-        twin = order[np.searchsorted(key[order], back)]
+        a, b, c, d, twin = corners(faces)
         valence = np.bincount(faces.ravel(), minlength=len(vertices))
-        a, b, c, d = half[:, 0], half[:, 1], apex, apex[twin]
-        excess = [np.abs(valence[x] - 6) for x in (a, b, c, d)]
-        after = [np.abs(valence[x] + s - 6) for x, s in ((a, -1), (b, -1), (c, 1), (d, 1))]
-        gain = sum(excess) - sum(after)
+        before = sum(np.abs(valence[x] - 6) for x in (a, b, c, d))
+        after = sum(np.abs(valence[x] + s - 6) for x, s in ((a, -1), (b, -1), (c, 1), (d, 1)))
         cross = np.cross(vertices[b] - vertices[a], vertices[c] - vertices[a])
         area = np.linalg.norm(cross, axis=1)
         flat = (cross * cross[twin]).sum(1) > 0.9 * area * area[twin]
         across = vertices[d] - vertices[c]
         two = np.stack([np.cross(vertices[a] - vertices[c], across), np.cross(across, vertices[b] - vertices[c])])
         convex = ((two * cross).sum(2) > 0.1 * (cross * cross).sum(1)).all(axis=0)
-        known = np.isin(np.minimum(c, d) * len(vertices) + np.maximum(c, d), np.r_[key[half[:, 0] < half[:, 1]]])
-        wish = np.flatnonzero((gain > 0) & flat & convex & ~known & (a < b))
-        if not len(wish):
-            break
-        wish = wish[np.argsort(-gain[wish], kind="stable")]
-        rank = np.arange(len(wish))
-        best = np.full(len(vertices), len(wish))  # a flip goes ahead if it comes first at each of its four vertices
-        for x in (a, b, c, d):
-            np.minimum.at(best, x[wish], rank)
-        go = wish[(np.stack([best[x[wish]] for x in (a, b, c, d)]) == rank).all(axis=0)]
-        faces = faces.copy()
-        faces[go // 3] = np.stack([c[go], d[go], b[go]], axis=1)
-        faces[twin[go] // 3] = np.stack([d[go], c[go], a[go]], axis=1)
+        faces = flip(faces, np.where(flat & convex, before - after, 0.0))
     return vertices, faces
+
+
+def open_needles(f: Field, mesh: Mesh, degrees=8.0, rounds=6) -> Mesh:
+    """Flip edges to open the triangles whose least angle is below that, where the new edge stays on the surface."""
+    vertices, faces = mesh
+
+    def least(i, j, k):
+        x, y, z = (vertices[n] for n in (i, j, k))
+        u, v, w = (e / np.maximum(np.linalg.norm(e, axis=1, keepdims=True), 1e-12) for e in (y - x, z - y, x - z))
+        return np.degrees(np.arccos(np.clip(-np.stack([u * v, v * w, w * u]).sum(2), -1.0, 1.0))).min(axis=0)
+
+    for _ in range(rounds):
+        a, b, c, d, _ = corners(faces)
+        before = np.minimum(least(a, b, c), least(b, a, d))
+        after = np.minimum(least(c, d, b), least(d, c, a))
+        away = np.abs(f(0.5 * (vertices[c] + vertices[d]))) / np.linalg.norm(vertices[c] - vertices[d], axis=1)
+        wish = (before < degrees) & (after > 1.5 * before) & (away < 0.05)
+        faces = flip(faces, np.where(wish, after - before, 0.0))
+    return vertices, faces
+
+
+def corners(faces) -> tuple:
+    """For every half-edge a -> b (3F,): a, b, the corner c opposite it, the corner d across it, and its twin b -> a."""
+    a, b, c = faces.ravel(), np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
+    size = faces.max() + 1
+    order = np.argsort(a * size + b)
+    twin = order[np.searchsorted((a * size + b)[order], b * size + a)]
+    return a, b, c, c[twin], twin
+
+
+def flip(faces, gain) -> np.ndarray:
+    """Turn the edges a-b with a positive `gain` (3F,) into c-d, best first, no two that share a vertex."""
+    a, b, c, d, twin = corners(faces)
+    size = faces.max() + 1
+    known = np.isin(np.minimum(c, d) * size + np.maximum(c, d), (a * size + b)[a < b])
+    wish = np.flatnonzero((gain > 0.0) & (a < b) & ~known)
+    wish = wish[np.argsort(-gain[wish], kind="stable")]
+    best = np.full(size, len(wish))
+    for x in (a, b, c, d):
+        np.minimum.at(best, x[wish], np.arange(len(wish)))
+    go = wish[(np.stack([best[x[wish]] for x in (a, b, c, d)]) == np.arange(len(wish))).all(axis=0)]
+    faces = faces.copy()
+    faces[go // 3] = np.stack([c[go], d[go], b[go]], axis=1)
+    faces[twin[go] // 3] = np.stack([d[go], c[go], a[go]], axis=1)
+    return faces
 
 
 # ---------------------------------------------------------------------------------------------- the shapes
@@ -479,7 +507,8 @@ def bracket() -> Mesh:
         holes = np.minimum(holes, np.minimum(bolt - 0.055, np.maximum(bolt - 0.095, 0.07 - y)))  # counterbored
         return np.maximum(out, -np.minimum(holes, slot(x, z - 0.30, 0.10, 0.045)))
 
-    return weld(surface_nets(f, [-0.6513, -0.0531, -0.3987], [0.65, 0.9, 0.50], 0.0197, sharp=True), 0.004)
+    mesh = surface_nets(f, [-0.6513, -0.0531, -0.3987], [0.65, 0.9, 0.50], 0.0197, sharp=True)
+    return open_needles(f, weld(mesh, 0.005))
 
 
 def teapot() -> Mesh:
