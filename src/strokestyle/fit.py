@@ -19,21 +19,22 @@ from torch.nn import functional as F
 
 from . import __version__
 from .exemplar import Exemplar
-from .model import StrokeNet
+from .model import AdditiveNet
 from .planning import Planned
 from .raster import coverage
 from .strokes import Drawing, Strokes, rasterise
 from .style import (
-    MOVES,
+    HAIR,
     Frame,
     Hand,
     Style,
     StyleConfig,
-    lay,
     lifted,
     pick_device,
+    place,
     plan,
     point_features,
+    thickness_of,
 )
 from .texture import learn_texture
 from .view import View
@@ -46,32 +47,29 @@ class FitConfig:
     Parameters
     ----------
     preset : its name, kept in the model
-    start_steps : steps towards what `measure` reads off the mask
-    steps : Adam steps of the network through the rasteriser (prototype: 300)
-    trace_steps : Adam steps of the strokes' own points
-    rate : peak learning rate, one-cycle (prototype)
-    decay : weight decay of the network
-    blurs : px, box blurs at which mask and strokes are compared by L1 (prototype)
-    smoothness : weight of the squared change of displacement from point to point (paper, sec. 4: 0.02)
-    style : StyleConfig
+    steps : Adam steps of the thickness curves
+    rate, sparsity : their learning rate, one-cycle, and the weight of their group lasso
+    trace_steps : Adam steps of the strokes' own points, through the rasteriser
+    levels : sizes at which mask and strokes are compared by L1: 1, 6, 12 ... px (DESIGN.md: 1, 5, 11)
+    roughness : weight of the traced strokes' squared second differences
+    stray : how much of the hand's straying to draw with, 0 = none
     """
 
     preset: str
-    start_steps: int = 200
-    steps: int = 300
+    steps: int = 150
+    rate: float = 0.02
+    sparsity: float = 0.04
     trace_steps: int = 120
-    rate: float = 6e-3
-    decay: float = 0.05
-    blurs: tuple[int, ...] = (1, 5, 11)
-    smoothness: float = 0.02
+    levels: int = 3
+    roughness: float = 0.1
     stray: float = 1.0
     texture: bool = True
     style: StyleConfig = field(default_factory=StyleConfig)
 
 
 PRESETS = {
-    "quick": FitConfig("quick", steps=200, trace_steps=80),
-    "standard": FitConfig("standard", steps=600, trace_steps=200),
+    "quick": FitConfig("quick", trace_steps=100),
+    "standard": FitConfig("standard", steps=300, trace_steps=300),
 }
 
 
@@ -130,19 +128,23 @@ def fit(
     centre, spread = clipped.mean(axis=0), np.maximum(clipped.std(axis=0), 1e-3)
     features = torch.tensor((clipped - centre) / spread, dtype=torch.float32, device=device)
     frame = Frame.of(planned, view, style_config.spacing).to(device)
-    target = Target.of(exemplar.mask, planned.xy, config.blurs, device)
     guess = measure(exemplar.mask, planned, frame)
-    base = float(np.clip(np.median(guess.thickness[guess.trust > 0]), 0.8, 40.0)) if guess.trust.any() else 3.0
-    network, moves = train_network(frame, features, target, guess, base, style_config, config, seed, report)
+    moves = learn_moves(frame, guess)
+    network = learn_thickness(features, guess, config, style_config, seed, report)
+    target = Target.of(exemplar.mask, planned.xy, config.levels, device)
     with torch.no_grad():
-        mean_xy, mean_thickness = lay(network, moves, base, frame, features)
-    xy, thickness = trace(frame, mean_xy, mean_thickness, target, config, report)
-    hand = _hand(frame, planned, mean_xy, mean_thickness, xy, thickness, config.stray)
+        meant, swell = place(frame, moves), network(features)
+        swell[~frame.within] = float(np.log(HAIR))  # strokes may grow past their ends, where the drawing has it
+    traced = trace(frame, meant, swell, target, config, report)
+    found, sure = traced.guess(frame, guess, sample(exemplar.mask, planned.xy))
+    moves = learn_moves(frame, found)
+    network = learn_thickness(features, found, config, style_config, seed, report)
+    with torch.no_grad():
+        hand = _hand(frame, planned, traced, sure, place(frame, moves), network(features), config.stray)
     style = Style(
         config=style_config,
         network=network.eval(),
         moves=moves,
-        base=base,
         centre=centre,
         spread=spread,
         low=low,
@@ -152,15 +154,15 @@ def fit(
         about={"strokestyle": __version__, "preset": config.preset, "seed": seed, "exemplar": source},
     )
     if config.texture:
-        style = _learn_texture(style, planned, features, xy, thickness, exemplar, seed, report)
+        style = _learn_texture(style, planned, features, traced, exemplar, seed, report)
     return style
 
 
 @dataclass(frozen=True)
 class Guess:
-    """What lies across each point of the strokes in the drawing, read off the mask: a start, wrong where lines crowd.
+    """Where the drawing has each point of the strokes.
 
-    offset (N,) px along the normal, thickness (N,) px, trust (N,) in [0, 1], 0 = nothing found
+    offset (N,) px along the normal, thickness (N,) px, trust (N,) in [0, 1], 0 = not known
     """
 
     offset: np.ndarray
@@ -169,11 +171,11 @@ class Guess:
 
 
 def measure(mask: np.ndarray, planned: Planned, frame: Frame, reach: float = 16.0) -> Guess:
-    """Look across every point, along the normal, for the nearest run of stroke."""
+    """Look across every point, along the normal, for the nearest run of stroke: right but where lines crowd."""
     q = np.arange(-2 * reach, 2 * reach + 0.25, 0.5)
     normal = frame.across.double().cpu().numpy()
     at = planned.xy[:, None] + q[None, :, None] * normal[:, None]
-    profile = ndimage.map_coordinates(mask, [at[..., 1] - 0.5, at[..., 0] - 0.5], order=1, mode="constant")
+    profile = sample(mask, at)
     inside, index = profile > 0.4, np.arange(len(q))
     distance = np.where(inside, np.abs(q), np.inf)
     k = distance.argmin(axis=1)
@@ -186,152 +188,161 @@ def measure(mask: np.ndarray, planned: Planned, frame: Frame, reach: float = 16.
     total = np.maximum(weight.sum(axis=1), 1e-6)
     offset, thickness = (weight * q).sum(axis=1) / total, 0.5 * total
     ends_seen = (blank_before >= 0) & (blank_after < len(q))
-    trust = ends_seen & (nearest < reach) & (np.abs(offset) < reach)
+    trust = ends_seen & (nearest < reach) & (np.abs(offset) < reach) & (planned.beyond == 0)
     found = thickness[trust]
     if len(found):  # a run far wider than its like is another stroke seen lengthwise
         trust &= thickness < 2.5 * np.quantile(found, 0.9)
     return Guess(offset, thickness, trust / (1.0 + (offset / 6.0) ** 2))
 
 
-def _start(network, moves, base, frame: Frame, features: Tensor, guess: Guess, config: FitConfig) -> None:
-    """Teach the network the first guess, without the rasteriser: it then starts near the drawing."""
-    offset = torch.tensor(guess.offset, dtype=torch.float32, device=features.device)
-    thickness = torch.tensor(guess.thickness, dtype=torch.float32, device=features.device)
-    trust = torch.tensor(guess.trust, dtype=torch.float32, device=features.device) * frame.within
-    parameters = [*network.parameters(), moves]
-    optimiser = torch.optim.AdamW(parameters, lr=config.rate, weight_decay=0.01)
-    for step in range(config.start_steps):
-        for group in optimiser.param_groups:
-            group["lr"] = config.rate * min(1.0, 2 - 2 * step / config.start_steps)
+def sample(image: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """Bilinear values of an image (H, W) at pixels (..., 2); 0 outside."""
+    return ndimage.map_coordinates(image, [xy[..., 1] - 0.5, xy[..., 0] - 0.5], order=1, mode="constant")
+
+
+def learn_moves(frame: Frame, guess: Guess, ridge: float = 1e-2) -> Tensor:
+    """How much of each of MOVES explains the offsets best: least squares, what strays far counting less."""
+    moved = (frame.moves * frame.across[:, None]).sum(2).double().cpu().numpy()  # (N, M)
+    scale = np.maximum(np.sqrt((moved**2).mean(axis=0)), 0.3)
+    design, weight, answer = moved / scale, guess.trust, np.zeros(moved.shape[1])
+    for _ in range(20):
+        w = guess.trust / np.maximum(np.abs(design @ answer - guess.offset), 0.5)
+        normal = (design * w[:, None]).T @ design + ridge * max(weight.sum(), 1.0) * np.eye(len(answer))
+        answer = np.linalg.solve(normal, (design * w[:, None]).T @ guess.offset)
+    return torch.tensor(answer / scale, dtype=torch.float32, device=frame.xy.device)
+
+
+def learn_thickness(
+    features: Tensor, guess: Guess, config: FitConfig, style: StyleConfig, seed: int, report: _Reporter
+) -> AdditiveNet:
+    """The sparse sum of curves that explains the thickness best."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        network = AdditiveNet(features.shape[1], style.hidden)
+    trust = torch.tensor(guess.trust, dtype=torch.float32)
+    swell = torch.tensor(np.log(np.maximum(guess.thickness, 0.0) + HAIR), dtype=torch.float32)
+    known = float(trust.sum())
+    network.base.data = (trust * swell).sum() / known if known > 0 else torch.tensor(np.log(3.0), dtype=torch.float32)
+    network, trust, swell = network.to(features.device), trust.to(features.device), swell.to(features.device)
+    optimiser = torch.optim.Adam(network.parameters(), lr=config.rate)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.rate, total_steps=config.steps, pct_start=0.2)
+    for step in range(config.steps):
         optimiser.zero_grad(set_to_none=True)
-        xy, drawn = lay(network, moves, base, frame, features)
-        shift = xy - frame.xy
-        aside = F.smooth_l1_loss((shift * frame.across).sum(1), offset, reduction="none", beta=1.0)
-        width = F.smooth_l1_loss((drawn + 0.5).log(), (thickness + 0.5).log(), reduction="none", beta=0.2)
-        idle = drawn[~frame.within].sum() / len(xy)
-        loss = (trust * (aside + 4 * width)).sum() / trust.sum().clamp(min=1) + 0.05 * idle
-        loss = loss + 0.05 * (shift * frame.along).sum(1).square().mean()
+        error = F.smooth_l1_loss(network(features), swell, reduction="none", beta=0.2)
+        error = (trust * error).sum() / max(known, 1.0)
+        loss = error + config.sparsity * network.penalty() + 1e-3 * network.weight.square().sum()
         loss.backward()
         optimiser.step()
+        schedule.step()
+        report("thickness", step + 1, config.steps, {"error": error})
+    return network
 
 
 @dataclass(frozen=True)
 class Target:
-    """The mask that strokes are to fill, cropped to where strokes can be, and its blurs."""
+    """The mask that strokes are to fill, cropped to where strokes can be, as a pyramid.
 
-    corner: Tensor  # (2,) x, y of the crop
-    masks: tuple[Tensor, ...]  # per blur, (1, 1, h, w)
-    weights: tuple[Tensor, ...]  # per blur, (1, 1, h, w), mean 1 over the mask
-    blurs: tuple[int, ...]
+    corner (2,) x, y of the crop; masks and weights, per level, (1, 1, h, w); weights have mean 1 over the mask
+    """
+
+    corner: Tensor
+    masks: tuple[Tensor, ...]
+    weights: tuple[Tensor, ...]
+    levels: int
 
     @classmethod
-    def of(cls, mask: np.ndarray, xy: np.ndarray, blurs: tuple[int, ...], device) -> Target:
+    def of(cls, mask: np.ndarray, xy: np.ndarray, levels: int, device) -> Target:
         height, width = mask.shape
         room = 32
         x0, y0 = np.maximum(np.floor(xy.min(axis=0)).astype(int) - room, 0)
         x1, y1 = np.ceil(xy.max(axis=0)).astype(int) + room
         crop = torch.tensor(mask[y0 : min(y1, height), x0 : min(x1, width)], dtype=torch.float32, device=device)
         crop = crop[None, None]
-        corner = torch.tensor([x0, y0], dtype=torch.float32, device=device)
         # a line counts by its length rather than by its area, so that hairlines are not given up for outlines
-        weight = 1.0 / (0.06 + F.avg_pool2d(crop, 25, 1, 12, count_include_pad=False))
+        around = F.interpolate(pyramid(crop, 4)[-1], size=crop.shape[2:], mode="bilinear")
+        weight = 1.0 / (0.06 + around)
         weight = weight * crop.sum() / (weight * crop).sum().clamp(min=1e-6)
-        weights = tuple(weight if b == 1 else F.avg_pool2d(weight, b, stride_of(b), b // 2) for b in blurs)
-        return cls(corner, tuple(blur(crop, b) for b in blurs), weights, blurs)
+        corner = torch.tensor([x0, y0], dtype=torch.float32, device=device)
+        return cls(corner, pyramid(crop, levels), pyramid(weight, levels), levels)
 
     def loss(self, xy: Tensor, thickness: Tensor, offsets: Tensor) -> Tensor:
-        """Mean over blurs of |drawn - mask|, per pixel of stroke in the mask."""
+        """Mean over levels of |drawn - mask|, per pixel of stroke in the mask."""
         height, width = self.masks[0].shape[2:]
         drawn = coverage(xy - self.corner, thickness, offsets, height, width)[None, None]
         total = sum(
-            ((blur(drawn, b) - mask).abs() * weight).sum() * stride_of(b) ** 2
-            for b, mask, weight in zip(self.blurs, self.masks, self.weights, strict=True)
+            ((image - mask).abs() * weight).sum() * 4**level
+            for level, (image, mask, weight) in enumerate(
+                zip(pyramid(drawn, self.levels), self.masks, self.weights, strict=True)
+            )
         )
-        return total / (len(self.blurs) * self.masks[0].sum().clamp(min=1.0))
+        return total / (self.levels * self.masks[0].sum().clamp(min=1.0))
 
 
-def stride_of(size: int) -> int:
-    return max(1, size // 3)
+def pyramid(image: Tensor, levels: int) -> tuple[Tensor, ...]:
+    """The image (1, 1, H, W), then box blurs of 6, 12, ... px of it on grids of 2, 4, ... px."""
+    out, small = [image], image
+    for _ in range(levels - 1):
+        small = F.avg_pool2d(small, 2, ceil_mode=True)
+        out.append(F.avg_pool2d(small, 3, 1, 1))
+    return tuple(out)
 
 
-def blur(image: Tensor, size: int) -> Tensor:
-    """Box blur of `size` px (odd), taken every third of it."""
-    return image if size == 1 else F.avg_pool2d(image, size, stride_of(size), size // 2)
+@dataclass(frozen=True)
+class Traced:
+    """The strokes of the drawing: xy (N, 2) px, swell (N,) = log(thickness + HAIR)."""
+
+    xy: Tensor
+    swell: Tensor
+
+    @property
+    def thickness(self) -> Tensor:
+        return thickness_of(self.swell).clamp(min=0.0)
+
+    def guess(self, frame: Frame, measured: Guess, mask_here: np.ndarray) -> tuple[Guess, np.ndarray]:
+        """These strokes as a guess, and where (N,) they are sure: seen alike from across and through the rasteriser."""
+        offset = ((self.xy - frame.xy) * frame.across).sum(1).double().cpu().numpy()
+        thickness = self.thickness.double().cpu().numpy()
+        ratio = np.log((thickness + HAIR) / (np.maximum(measured.thickness, 0) + HAIR))
+        # past an end: not sure only where another stroke's ink may hide it
+        past = ~frame.within.cpu().numpy()
+        told = past & ((mask_here < 0.5) | (thickness > 1.0))
+        sure = (measured.trust > 0) & (np.abs(ratio) < 0.2) & (np.abs(offset - measured.offset) < 1.5)
+        return Guess(offset, thickness, np.where(past, np.where(told, 0.7, 0.05), np.where(sure, 1.0, 0.2))), sure
 
 
-def train_network(
-    frame: Frame,
-    features: Tensor,
-    target: Target,
-    guess: Guess,
-    base: float,
-    style: StyleConfig,
-    config: FitConfig,
-    seed: int,
-    report: _Reporter,
-) -> tuple[StrokeNet, Tensor]:
-    """The network and the moves that fill the mask best, as functions of the features."""
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        network = StrokeNet(features.shape[1], 3, style.width, style.dilations)
-    network = network.to(features.device)
-    moves = torch.zeros(len(MOVES), device=features.device, requires_grad=True)
-    groups = [{"params": network.parameters(), "weight_decay": config.decay}, {"params": [moves], "weight_decay": 0.0}]
-    optimiser = torch.optim.AdamW(groups, lr=config.rate)
+def trace(frame: Frame, meant: Tensor, swell: Tensor, target: Target, config: FitConfig, report: _Reporter) -> Traced:
+    """Move every point of the strokes to where the drawing has them, through the rasteriser, and swell them there."""
+    across = torch.zeros_like(swell, requires_grad=True)
+    change = torch.zeros_like(swell, requires_grad=True)
+    optimiser = torch.optim.Adam([{"params": [across]}, {"params": [change]}], lr=0.1)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, [config.rate, 4 * config.rate], total_steps=config.steps, pct_start=0.2
-    )
-    same = _neighbours(frame.offsets)
-    beyond = ~frame.within
-    _start(network, moves, base, frame, features, guess, config)
-    for step in range(config.steps):
-        optimiser.zero_grad(set_to_none=True)
-        xy, thickness = lay(network, moves, base, frame, features)
-        mask = target.loss(xy, thickness, frame.offsets)
-        shift = xy - frame.xy
-        smooth = (shift[1:] - shift[:-1])[same].square().sum(1).mean()
-        # a stroke runs on past its end only where the mask asks for it
-        idle = thickness[beyond].sum() / len(xy)
-        loss = mask + config.smoothness * smooth + 0.02 * idle
-        loss.backward()
-        optimiser.step()
-        schedule.step()
-        report("strokes", step + 1, config.steps, {"mask": mask, "smooth": smooth})
-    return network, moves.detach()
-
-
-def trace(
-    frame: Frame, mean_xy: Tensor, mean_thickness: Tensor, target: Target, config: FitConfig, report: _Reporter
-) -> tuple[Tensor, Tensor]:
-    """Move every point of the strokes to where the drawing has them, starting from what the network says."""
-    across = torch.zeros_like(mean_thickness, requires_grad=True)
-    swell = torch.zeros_like(mean_thickness, requires_grad=True)
-    optimiser = torch.optim.Adam([{"params": [across]}, {"params": [swell]}], lr=0.1)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, [0.2, 0.1], total_steps=max(config.trace_steps, 2), pct_start=0.1
+        optimiser, [0.3, 0.06], total_steps=config.trace_steps, pct_start=0.1
     )
     same = _neighbours(frame.offsets)
     bend = same[1:] & same[:-1]
+    beyond = ~frame.within
 
-    def place():
-        xy = mean_xy + across[:, None] * frame.across
-        return xy, mean_thickness * torch.exp(swell.clamp(-1.5, 1.5))
+    def strokes() -> Traced:
+        return Traced(meant + across[:, None] * frame.across, swell + change)
 
     for step in range(config.trace_steps):
         optimiser.zero_grad(set_to_none=True)
-        xy, thickness = place()
-        mask = target.loss(xy, thickness, frame.offsets)
+        drawn = strokes()
+        thickness = thickness_of(drawn.swell)
+        mask = target.loss(drawn.xy, thickness, frame.offsets)
         curl = across[2:] - 2 * across[1:-1] + across[:-2]
-        ripple = swell[2:] - 2 * swell[1:-1] + swell[:-2]
+        ripple = change[2:] - 2 * change[1:-1] + change[:-2]
         rough = curl[bend].square().mean() + 4 * ripple[bend].square().mean()
-        far = across.square().mean() + swell.square().mean()
-        loss = mask + 0.1 * rough + 0.005 * far
+        far = across.square().mean() + change.square().mean()
+        # a stroke runs on past its end only where the mask asks for it
+        idle = thickness[beyond].clamp(min=0).sum() / len(thickness)
+        loss = mask + config.roughness * rough + 0.005 * far + 0.02 * idle
         loss.backward()
         optimiser.step()
         schedule.step()
         report("trace", step + 1, config.trace_steps, {"mask": mask})
     with torch.no_grad():
-        return place()
+        return strokes()
 
 
 def _neighbours(offsets: Tensor) -> Tensor:
@@ -341,27 +352,22 @@ def _neighbours(offsets: Tensor) -> Tensor:
     return same
 
 
-def _hand(frame, planned, mean_xy, mean_thickness, xy, thickness, amount) -> Hand | None:
-    """Residuals of the traced strokes against the network's, in the strokes' own frame; only within the curves."""
-    if amount == 0:
+def _hand(
+    frame: Frame, planned: Planned, traced: Traced, sure: np.ndarray, meant: Tensor, swell: Tensor, amount: float
+) -> Hand | None:
+    """What the traced strokes do that the style did not mean, within the curves; bridged where they are not sure."""
+    across = ((traced.xy - meant) * frame.across).sum(1)
+    stray = amount * torch.stack([across, traced.swell - swell], dim=1).double().cpu().numpy()
+    pieces = []
+    for a, b in zip(planned.offsets[:-1], planned.offsets[1:], strict=True):
+        inner = np.flatnonzero(planned.beyond[a:b] == 0) + a
+        known = inner[sure[inner]]
+        if len(known) >= max(4, 0.4 * len(inner)):
+            inner = inner[(inner >= known[0]) & (inner <= known[-1])]
+            pieces.append(np.stack([np.interp(inner, known, stray[known, k]) for k in (0, 1)], axis=1))
+    if amount == 0 or not pieces:
         return None
-    moved = xy - mean_xy
-    stray = torch.stack(
-        [
-            (moved * frame.across).sum(1),
-            (moved * frame.along).sum(1),
-            (thickness - mean_thickness) / (mean_thickness + 0.5),
-        ],
-        dim=1,
-    )
-    stray = (amount * stray).cpu().numpy().astype(np.float32)
-    within = (planned.beyond == 0) & (mean_thickness.cpu().numpy() > 0.5)
-    which = np.repeat(np.arange(len(planned)), np.diff(planned.offsets))
-    counts = np.bincount(which[within], minlength=len(planned))
-    counts = counts[counts > 0]
-    if not len(counts):
-        return None
-    return Hand(stray[within], np.r_[0, np.cumsum(counts)].astype(np.int64))
+    return Hand(np.concatenate(pieces).astype(np.float32), np.r_[0, np.cumsum([len(p) for p in pieces])])
 
 
 def _flat_ink(exemplar: Exemplar) -> np.ndarray:
@@ -373,8 +379,8 @@ def _flat_ink(exemplar: Exemplar) -> np.ndarray:
     return np.clip(np.r_[rgb, alpha], 0, 1).astype(np.float64)
 
 
-def _learn_texture(style, planned, features, xy, thickness, exemplar, seed, report) -> Style:
-    xy, thickness = xy.double().cpu().numpy(), thickness.double().cpu().numpy()
+def _learn_texture(style, planned, features, traced, exemplar, seed, report) -> Style:
+    xy, thickness = traced.xy.double().cpu().numpy(), traced.thickness.double().cpu().numpy()
     rows, offsets, kept = lifted(thickness, planned.offsets)
     if not len(kept):
         return style
@@ -403,6 +409,7 @@ class _Reporter:
     def __init__(self, callback, config: FitConfig):
         self.callback, self.config = callback, config
         self.start = self.last = time.monotonic()
+        self.passed = 0
 
     def __call__(self, stage: str, step: int, steps: int, losses: dict) -> None:
         if self.callback is None:
@@ -411,10 +418,10 @@ class _Reporter:
         if step < steps and now - self.last < 0.2:
             return
         self.last = now
-        total = self.config.steps + self.config.trace_steps
-        done = (
-            step if stage == "strokes" else self.config.steps + (step if stage == "trace" else self.config.trace_steps)
-        )
-        left = (now - self.start) / done * (total - done) if done else None
+        if step >= steps:
+            self.passed += steps
+        total = 2 * self.config.steps + self.config.trace_steps
+        done = self.passed + (step if step < steps else 0)
+        left = (now - self.start) / done * max(total - done, 0) if done else None
         values = {name: float(torch.as_tensor(value).detach()) for name, value in losses.items()}
         self.callback(Progress(stage, step, steps, values, left))

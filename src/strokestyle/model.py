@@ -1,4 +1,4 @@
-"""The networks, whole: the paper's three and its discriminator layer by layer, and the small one of the fast presets.
+"""The networks, whole: the paper's three and its discriminator layer by layer, and what the fast presets learn.
 
 Instance normalisation has no parameters of its own and every convolution has a bias, as in the authors' program.
 Points of curves come flat, (N, P), with the offsets that cut them into curves; no curve sees another.
@@ -116,26 +116,29 @@ class PatchDiscriminator(nn.Module):
         return self.body(rgb)
 
 
-class StrokeNet(nn.Module):
-    """Ours: dilated convolutions along the strokes, (N, P) -> (N, K). It starts at `start`, whatever the features."""
+class AdditiveNet(nn.Module):
+    """Ours: a sum of curves, one for each feature, (N, P) -> (N,). Sparse additive models: Ravikumar et al. 2009.
 
-    def __init__(self, features: int, outputs: int, width: int = 48, dilations: tuple[int, ...] = (1, 2, 4)):
+    One drawing holds a dozen or two strokes, so most of what tells strokes apart has been seen a dozen times. A network
+    that may combine features freely learns these strokes by heart; a sum of curves, with `penalty` to leave out the
+    features it can do without, does not. The sum is read as a logarithm, where influences that scale each other add.
+    """
+
+    def __init__(self, features: int, hidden: int = 8):
         super().__init__()
-        self.dilations = tuple(dilations)
-        sizes = [features] + [width] * len(self.dilations)
-        self.layers = nn.ModuleList(nn.Conv1d(a, b, 5) for a, b in zip(sizes[:-1], sizes[1:], strict=True))
-        self.last = nn.Linear(width, outputs)
-        nn.init.zeros_(self.last.weight)
-        nn.init.zeros_(self.last.bias)
+        self.slope = nn.Parameter(torch.randn(features, hidden))
+        self.shift = nn.Parameter(torch.randn(features, hidden))
+        self.weight = nn.Parameter(torch.zeros(features, hidden))
+        self.line = nn.Parameter(torch.zeros(features))
+        self.base = nn.Parameter(torch.zeros(()))
 
-    def forward(self, points: Tensor, offsets: Tensor) -> Tensor:
-        rows, total = gapped(offsets, 2 * max(self.dilations))
-        x = points.new_zeros(total, points.shape[1]).index_copy(0, rows, points).T[None]
-        inside = points.new_zeros(total).index_fill(0, rows, 1.0)
-        for layer, dilation in zip(self.layers, self.dilations, strict=True):
-            y = F.silu(F.conv1d(x, layer.weight, layer.bias, padding=2 * dilation, dilation=dilation)) * inside
-            x = x + y if x.shape == y.shape else y
-        return self.last(x[0].T[rows])
+    def forward(self, points: Tensor) -> Tensor:
+        curves = torch.tanh(points[:, :, None] * self.slope + self.shift) * self.weight
+        return curves.sum((1, 2)) + points @ self.line + self.base
+
+    def penalty(self) -> Tensor:
+        """Group lasso: the sum over features of the size of their curves' weights."""
+        return torch.sqrt(self.weight.square().sum(1) + self.line.square() + 1e-6).sum()
 
 
 def gapped(offsets: Tensor, gap: int) -> tuple[Tensor, int]:

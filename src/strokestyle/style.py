@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 import torch
 from scipy import ndimage
-from torch import Tensor, nn
-from torch.nn import functional as F
+from torch import Tensor
 
 from . import __version__
 from .curves import KINDS, Curves, arc_length, owner, simplify, tangents
 from .files import write_bytes
-from .model import StrokeNet
+from .model import AdditiveNet
 from .planning import Planned, plan_strokes
 from .strokes import Drawing, Strokes
 from .texture import TextureBank, synthesise
@@ -33,12 +32,14 @@ PROMINENCE = dict.fromkeys(KINDS, 0.0) | {"contour": 1.0, "boundary": 1.0, "crea
 ENDS = (10.0, 40.0, 120.0)  # px, scales on which a stroke's ends are felt
 BENDS = ((6.0, 20.0), (14.0, 45.0))  # px, scale of measuring a bend and the radius at which it counts half
 FEATURES = (
-    *(f"start_{n:.0f}" for n in ENDS), *(f"end_{n:.0f}" for n in ENDS), "before", "after", "along", "log_length",
+    *(f"start_{n:.0f}" for n in ENDS), *(f"end_{n:.0f}" for n in ENDS),
+    "before", "after", "past_start", "past_end", "along", "log_length",
     *(f"bend_{n:.0f}" for n, _ in BENDS), *(f"turn_{n:.0f}" for n, _ in BENDS),
     "depth", "n_dot_v", "view_curvature", "normal_x", "normal_y", "height", "tangent_x", "tangent_y", "prominence",
 )  # fmt: skip
 SMOOTHINGS = (3.0, 6.0, 12.0, 24.0)  # px, Gaussian scales by which the hand may round a curve off
 CUTS = (3.0, 6.0, 12.0)  # px, tolerances with which it may cut a curve straight
+HAIR = 0.5  # px; thickness is learned as log(thickness + HAIR), where a habit is a factor and nothing is not infinite
 MOVES = (*(f"smooth_{n:.0f}" for n in SMOOTHINGS), *(f"cut_{n:.0f}" for n in CUTS), "inflate")
 
 
@@ -54,8 +55,7 @@ class StyleConfig:
     join: float = 10.0
     corner: float = 65.0
     extend: float = 24.0
-    width: int = 48
-    dilations: tuple[int, ...] = (1, 2, 4)
+    hidden: int = 8
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Hand:
 
     Parameters
     ----------
-    stray : (R, 3) float32, residual along the normal and the tangent (px) and of the thickness, relative to it
+    stray : (R, 2) float32, residual across the stroke, px, and of log(thickness + HAIR)
     offsets : (S+1,) int64, one sequence per training stroke, points `spacing` apart
     """
 
@@ -79,9 +79,8 @@ class Style:
     Parameters
     ----------
     config : StyleConfig
-    network : StrokeNet with 3 outputs: offset along the normal and along the tangent (px), raw thickness
+    network : AdditiveNet, features -> log(thickness + HAIR)
     moves : (M,) Tensor, how much of each of MOVES the hand makes
-    base : float, px, the thickness it starts from
     centre, spread, low, high : (P,) float64, of FEATURES over the training strokes
     hand : Hand or None
     bank : the medium, or None for flat ink
@@ -90,9 +89,8 @@ class Style:
     """
 
     config: StyleConfig
-    network: nn.Module
+    network: AdditiveNet
     moves: Tensor
-    base: float
     centre: np.ndarray
     spread: np.ndarray
     low: np.ndarray
@@ -134,18 +132,14 @@ class Style:
         frame = Frame.of(planned, view)
         with torch.no_grad():
             device = self.device
-            xy, thickness = lay(
-                self.network,
-                self.moves,
-                self.base,
-                frame.to(device),
-                torch.tensor(features, dtype=torch.float32, device=device),
-            )
-        xy, thickness = xy.double().cpu().numpy(), thickness.double().cpu().numpy()
+            features_there = torch.tensor(features, dtype=torch.float32, device=device)
+            xy = place(frame.to(device), self.moves).double().cpu().numpy()
+            swell = self.network(features_there).double().cpu().numpy()
         if self.hand is not None:
-            rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
-            stray = wander(self.hand, planned.offsets, rng)
-            xy, thickness = stray_from(xy, thickness, planned.offsets, stray)
+            stray = wander(self.hand, planned.offsets, np.random.default_rng(np.random.SeedSequence([seed, 0])))
+            across = frame.across.double().numpy()
+            xy, swell = xy + stray[:, :1] * across, swell + stray[:, 1]
+        thickness = np.maximum(np.exp(swell) - HAIR, 0.0)
         rows, offsets, kept = lifted(thickness, planned.offsets)
         strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool))
         return strokes, features[rows], scale
@@ -179,7 +173,14 @@ def point_features(view: View, planned: Planned, config: StyleConfig) -> np.ndar
     before, after = np.maximum(-from_start, 0), np.maximum(-to_end, 0)
     columns = [np.exp(-np.maximum(from_start, 0) / n) for n in ENDS]
     columns += [np.exp(-np.maximum(to_end, 0) / n) for n in ENDS]
-    columns += [before / 24.0, after / 24.0, np.clip(from_start / length, 0, 1), np.log(length / 100.0)]
+    columns += [
+        before / 24.0,
+        after / 24.0,
+        from_start < 0,
+        to_end < 0,
+        np.clip(from_start / length, 0, 1),
+        np.log(length / 100.0),
+    ]
     turns = [curvature(planned, sigma, config.spacing) * radius for sigma, radius in BENDS]
     columns += [turn**2 / (1 + turn**2) for turn in turns]
     columns += [turn / np.sqrt(1 + turn**2) for turn in turns]
@@ -277,29 +278,23 @@ def moves_of(planned: Planned, normals: np.ndarray, spacing: float) -> np.ndarra
     return out
 
 
-def lay(network: nn.Module, moves: Tensor, base: float, frame: Frame, features: Tensor) -> tuple[Tensor, Tensor]:
-    """Where strokes go, (N, 2), and how thick they are, (N,), px. Differentiable."""
-    out = network(features, frame.offsets)
-    xy = frame.xy + (frame.moves * moves[:, None]).sum(1) + out[:, :1] * frame.across + out[:, 1:2] * frame.along
-    return xy, thickness_of(out[:, 2], base)
+def place(frame: Frame, moves: Tensor) -> Tensor:
+    """Where the hand means to draw, (N, 2) px."""
+    return frame.xy + (frame.moves * moves[:, None]).sum(1)
 
 
-def thickness_of(raw: Tensor, base: float) -> Tensor:
-    """Raw output -> px: `base` at 0, never negative, never without a gradient."""
-    return F.softplus(raw * 2 + _inverse_softplus(2 * base)) / 2
-
-
-def _inverse_softplus(x: float) -> float:
-    return float(x + np.log(-np.expm1(-x)))
+def thickness_of(swell: Tensor) -> Tensor:
+    """log(thickness + HAIR) -> px. It may fall below 0, which `coverage` takes for 0 with a gradient."""
+    return torch.exp(swell) - HAIR
 
 
 # --------------------------------------------------------------------------------------------------------- the hand
 
 
 def wander(hand: Hand, offsets: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A sequence of residuals (N, 3) for every stroke, cut from the training strokes' and faded into one another."""
+    """A sequence of residuals (N, 2) for every stroke, cut from the training strokes' and faded into one another."""
     lengths = np.diff(hand.offsets)
-    out = np.zeros((offsets[-1], 3))
+    out = np.zeros((offsets[-1], 2))
     if not len(lengths):
         return out
     fade = 8
@@ -313,7 +308,7 @@ def wander(hand: Hand, offsets: np.ndarray, rng: np.random.Generator) -> np.ndar
             first = int(hand.offsets[i] + rng.integers(lengths[i] - take + 1))
             piece = hand.stray[first : first + take]
             if rng.random() < 0.5:
-                piece = piece * [-1, 1, 1]
+                piece = piece * [-1, 1]
             over = min(fade, at, take) if at else 0
             ramp = (np.arange(over) + 0.5)[:, None] / max(over, 1)
             start = a + at - over
@@ -326,17 +321,7 @@ def wander(hand: Hand, offsets: np.ndarray, rng: np.random.Generator) -> np.ndar
     return out
 
 
-def stray_from(
-    xy: np.ndarray, thickness: np.ndarray, offsets: np.ndarray, stray: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    t = tangents(xy, offsets)
-    xy = xy + stray[:, :1] * np.stack([-t[:, 1], t[:, 0]], axis=1) + stray[:, 1:2] * t
-    return xy, np.maximum(thickness + stray[:, 2] * (thickness + 0.5), 0.0)
-
-
-def lifted(
-    thickness: np.ndarray, offsets: np.ndarray, least: float = 0.35
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def lifted(thickness: np.ndarray, offsets: np.ndarray, least: float = 0.5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Leave out the ends that are too thin to see: rows kept, their offsets, and the strokes kept."""
     rows, counts, kept = [], [0], []
     for i, (a, b) in enumerate(zip(offsets[:-1], offsets[1:], strict=True)):
@@ -365,7 +350,6 @@ def save_style(path: str | Path, style: Style) -> None:
         },
         "network": {name: value.detach().cpu().contiguous() for name, value in style.network.state_dict().items()},
         "moves": style.moves.detach().cpu(),
-        "base": float(style.base),
         "features": {
             "names": list(FEATURES),
             **{name: torch.tensor(getattr(style, name)) for name in ("centre", "spread", "low", "high", "color")},
@@ -420,7 +404,7 @@ def _unpack_style(payload: dict, device: torch.device) -> Style:
     if tuple(statistics["names"]) != FEATURES:
         raise KeyError("its features are not those of this version")
     with torch.random.fork_rng(devices=[]):
-        network = StrokeNet(len(FEATURES), 3, config.width, config.dilations)
+        network = AdditiveNet(len(FEATURES), config.hidden)
     network.load_state_dict(payload["network"])
     bank = None
     if payload["texture"] is not None:
@@ -429,7 +413,6 @@ def _unpack_style(payload: dict, device: torch.device) -> Style:
         config=config,
         network=network.to(device).eval(),
         moves=payload["moves"].to(device),
-        base=payload["base"],
         hand=None if payload["hand"] is None else _unpack(Hand, payload["hand"]),
         bank=bank,
         about=payload["about"],
