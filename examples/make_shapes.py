@@ -378,6 +378,23 @@ def elephant() -> Mesh:
     nod = turn("y", -24) @ turn("x", -4)
     neck, size = np.array([0.0, 0.72, 0.25]), 1.12
 
+    path = np.array([(0, 0.06, 0.22), (0, -0.01, 0.34), (0, -0.12, 0.42), (0, -0.25, 0.475), (0, -0.35, 0.55),
+                     (0, -0.37, 0.66), (0, -0.29, 0.74), (0, -0.18, 0.74), (0, -0.10, 0.70)])  # of the trunk
+    girth = np.array([0.115, 0.105, 0.088, 0.074, 0.063, 0.056, 0.05, 0.046, 0.046])
+    folds = []  # across the front of the trunk
+    for t, wide in ((1.55, 48), (2.05, 62), (2.55, 50), (3.05, 66), (3.6, 52)):
+        (x, y, z, r), (_, dy, dz, _) = (v[0] for v in at(spline(np.column_stack([path, girth])), np.array([t]))[:2])
+        front = np.array([0.0, dz, -dy]) / np.hypot(dy, dz)
+        a = np.radians(np.linspace(-wide, wide, 7) + 14 * np.sin(9 * t))[:, None]
+        folds.append([x, y, z] + (r + 0.003) * (np.cos(a) * front + np.sin(a) * [1.0, 0.0, 0.0]))
+
+    eye, out, up = np.array([0.162, 0.074, 0.238]), np.array([0.80, 0.10, 0.59]), np.array([-0.08, 1.0, -0.06])
+    a = np.radians(np.linspace(15, 150, 7))[:, None]
+    brow = eye - 0.004 * out + 0.054 * (np.cos(a) * np.cross(up, out) + np.sin(a) * up)
+
+    def groove(p, line, r):
+        return near(p, line.mean(axis=0), 0.18, lambda q: tube(q, line, np.full(len(line), r)))
+
     def head(p):  # in the head's own frame: the neck at the origin, z forward
         s = sides(p)
         skull = blend(
@@ -387,12 +404,9 @@ def elephant() -> Mesh:
             k=0.08,
         )
         lip = ellipsoid(p, [0.0, -0.14, 0.24], [0.062, 0.05, 0.12], turn("x", 32))
-        trunk = tube(
-            p,
-            [(0, 0.06, 0.22), (0, -0.01, 0.34), (0, -0.12, 0.42), (0, -0.25, 0.475), (0, -0.35, 0.55),
-             (0, -0.37, 0.66), (0, -0.29, 0.74), (0, -0.18, 0.74), (0, -0.10, 0.70)],
-            [0.115, 0.105, 0.088, 0.074, 0.063, 0.056, 0.05, 0.046, 0.046],
-        )
+        trunk = tube(p, path, girth)
+        for fold in folds:
+            trunk = carve(trunk, groove(p, fold, 0.011), k=0.012)
         q = (s - [0.15, 0.10, 0.03]) @ (turn("y", 20) @ turn("z", -10)).T
         q = q + np.array([0.0, 0.0, 1.0]) * (0.5 * q[:, 1:2] ** 2 - 0.9 * (q[:, :1] - 0.06) ** 2)  # hollow in front
         outline = blend(
@@ -404,10 +418,8 @@ def elephant() -> Mesh:
         out = blend(skull, lip, k=0.07)
         out = blend(out, trunk, k=0.09)
         out = blend(out, ear, k=0.035)
-        lid = ellipsoid(s, [0.150, 0.095, 0.225], [0.038, 0.034, 0.046])
-        eye = ellipsoid(s, [0.160, 0.074, 0.235], [0.024, 0.026, 0.026])
-        out = blend(out, lid, k=0.03)
-        return blend(out, eye, k=0.005)
+        out = carve(out, groove(s, brow, 0.019), k=0.012)
+        return blend(out, ellipsoid(s, eye, [0.027, 0.027, 0.027]), k=0.006)
 
     def f(p):
         s = sides(p)
