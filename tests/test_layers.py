@@ -1,4 +1,4 @@
-"""Imports go one way: every module imports only modules of a strictly lower rank, and only four import torch."""
+"""Imports go one way: every module imports only modules of a strictly lower rank, and only some import torch."""
 
 import ast
 from pathlib import Path
@@ -10,11 +10,12 @@ RANK = {
     "files": 0, "camera": 0, "surface": 0, "curves": 0, "raster": 0, "model": 0,
     "feature_curves": 1, "visibility": 1, "chaining": 1, "strokes": 1, "exemplar": 1, "curve_files": 1, "planning": 1,
     "view": 2, "svg": 2, "texture": 2,
-    "style": 3,
-    "fit": 4,
-    "cli": 5,
+    "paper": 3,
+    "style": 4, "paper_fit": 4,
+    "fit": 5,
+    "cli": 6,
 }  # fmt: skip
-TORCH = {"raster", "model", "style", "fit"}
+TORCH = {"raster", "model", "paper", "style", "paper_fit", "fit"}
 ONLY = {"svgwrite": {"svg"}, "resvg_py": {"svg"}, "click": {"cli"}, "rich": {"cli"}, "embreex": {"visibility"}}
 
 

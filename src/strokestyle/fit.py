@@ -2,7 +2,7 @@
 
 quick and standard: a small network along the strokes, trained on the whole view through the rasteriser; then the
 strokes of the drawing itself are traced from there, point by point, which shows how the hand strays and gives the
-texture strokes that lie where the ink does.
+texture strokes that lie where the ink does. paper: the paper's own training, in paper_fit.py.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from torch.nn import functional as F
 from . import __version__
 from .exemplar import Exemplar
 from .model import AdditiveNet
+from .paper import PaperStyle
+from .paper_fit import PaperConfig, fit_paper
 from .planning import Planned
 from .raster import coverage
 from .strokes import Drawing, Strokes, rasterise
@@ -70,6 +72,7 @@ class FitConfig:
 PRESETS = {
     "quick": FitConfig("quick", trace_steps=100),
     "standard": FitConfig("standard", steps=300, trace_steps=300),
+    "paper": PaperConfig(),
 }
 
 
@@ -87,13 +90,13 @@ class Progress:
 def fit(
     view: View,
     exemplar: Exemplar,
-    config: FitConfig = PRESETS["standard"],
+    config: FitConfig | PaperConfig = PRESETS["standard"],
     *,
     seed: int = 0,
     device: str = "auto",
     progress: Callable[[Progress], None] | None = None,
     source: str = "",
-) -> Style:
+) -> Style | PaperStyle:
     """Learn the style of one drawing.
 
     Parameters
@@ -114,14 +117,18 @@ def fit(
     size = (view.camera.height, view.camera.width)
     if exemplar.mask.shape != size:
         raise ValueError(f"the drawing is {exemplar.mask.shape[::-1]} px, the view {size[::-1]}: resample the drawing")
+    if exemplar.mask.max() < 0.5:
+        raise ValueError("no strokes in this drawing: nothing to learn from")
+    about = {"strokestyle": __version__, "preset": config.preset, "seed": seed, "exemplar": source}
+    device = pick_device(device)
+    if isinstance(config, PaperConfig):
+        total = round(config.schedule * (config.geometry_steps + config.texture_steps))
+        return fit_paper(view, exemplar, config, seed, device, _Reporter(progress, total), about)
     style_config = replace(config.style, size=max(size))
     planned = plan(view, style_config)
     if not len(planned):
         raise ValueError("no curves in this view are long enough to draw: nothing to learn from")
-    if exemplar.mask.max() < 0.5:
-        raise ValueError("no strokes in this drawing: nothing to learn from")
-    report = _Reporter(progress, config)
-    device = pick_device(device)
+    report = _Reporter(progress, 2 * config.steps + config.trace_steps)
     raw = point_features(view, planned, style_config)
     low, high = np.percentile(raw, [0.5, 99.5], axis=0)
     clipped = np.clip(raw, low, high)
@@ -151,7 +158,7 @@ def fit(
         high=high,
         hand=hand,
         color=_flat_ink(exemplar),
-        about={"strokestyle": __version__, "preset": config.preset, "seed": seed, "exemplar": source},
+        about=about,
     )
     if config.texture:
         style = _learn_texture(style, planned, features, traced, exemplar, seed, report)
@@ -391,7 +398,7 @@ def _learn_texture(style, planned, features, traced, exemplar, seed, report) -> 
     return replace(style, bank=bank)
 
 
-def fit_sheet(view: View, exemplar: Exemplar, style: Style) -> np.ndarray:
+def fit_sheet(view: View, exemplar: Exemplar, style: Style | PaperStyle) -> np.ndarray:
     """Exemplar, its mask, the drawn mask and the drawing, side by side: (H, 4 W, 3) float32 in [0, 1]."""
     drawing = style.draw(view, seed=0)
     flat = replace(drawing, color=np.tile([0.0, 0.0, 0.0, 1.0], (len(drawing.strokes), 1)), texture=None)
@@ -406,8 +413,8 @@ def _on_white(drawing: Drawing) -> np.ndarray:
 class _Reporter:
     """Calls the user's callback a few times a second, with a guess of the time left."""
 
-    def __init__(self, callback, config: FitConfig):
-        self.callback, self.config = callback, config
+    def __init__(self, callback, total: int):
+        self.callback, self.total = callback, total
         self.start = self.last = time.monotonic()
         self.passed = 0
 
@@ -420,8 +427,7 @@ class _Reporter:
         self.last = now
         if step >= steps:
             self.passed += steps
-        total = 2 * self.config.steps + self.config.trace_steps
         done = self.passed + (step if step < steps else 0)
-        left = (now - self.start) / done * max(total - done, 0) if done else None
+        left = (now - self.start) / done * max(self.total - done, 0) if done else None
         values = {name: float(torch.as_tensor(value).detach()) for name, value in losses.items()}
         self.callback(Progress(stage, step, steps, values, left))

@@ -20,6 +20,7 @@ from . import __version__
 from .curves import KINDS, Curves, arc_length, owner, simplify, tangents
 from .files import write_bytes
 from .model import AdditiveNet
+from .paper import PaperStyle
 from .planning import Planned, plan_strokes
 from .strokes import Drawing, Strokes
 from .texture import TextureBank, synthesise
@@ -339,12 +340,17 @@ def lifted(thickness: np.ndarray, offsets: np.ndarray, least: float = 0.5) -> tu
 # ------------------------------------------------------------------------------------------------------------ files
 
 
-def save_style(path: str | Path, style: Style) -> None:
+def save_style(path: str | Path, style: Style | PaperStyle) -> None:
     """Write a model file: only tensors and plain containers, read back without running code. Whole or not at all."""
-    payload = {
-        "format": FORMAT,
-        "strokestyle": __version__,
-        "about": dict(style.about),
+    payload = {"format": FORMAT, "strokestyle": __version__, "about": dict(style.about)}
+    payload |= {"paper": style.state()} if isinstance(style, PaperStyle) else _state(style)
+    buffer = io.BytesIO()  # torch.save to a file would write the file's name into it
+    torch.save(payload, buffer)
+    write_bytes(path, buffer.getvalue())
+
+
+def _state(style: Style) -> dict:
+    return {
         "config": {
             key: list(value) if isinstance(value, tuple) else value for key, value in asdict(style.config).items()
         },
@@ -357,12 +363,9 @@ def save_style(path: str | Path, style: Style) -> None:
         "hand": None if style.hand is None else _pack(style.hand),
         "texture": None if style.bank is None else _pack(style.bank),
     }
-    buffer = io.BytesIO()  # torch.save to a file would write the file's name into it
-    torch.save(payload, buffer)
-    write_bytes(path, buffer.getvalue())
 
 
-def load_style(path: str | Path, device: str = "cpu") -> Style:
+def load_style(path: str | Path, device: str = "cpu") -> Style | PaperStyle:
     """Read a model file.
 
     Raises ValueError, naming the file, where it is no model, is cut short, damaged, or of a newer version; OSError
@@ -390,8 +393,11 @@ def load_style(path: str | Path, device: str = "cpu") -> Style:
             f"{path}: written by strokestyle {payload['strokestyle']} (format {payload['format']}); this is "
             f"{__version__} (format {FORMAT}): update strokestyle"
         )
+    device = pick_device(device)
     try:
-        return _unpack_style(payload, pick_device(device))
+        if "paper" in payload:
+            return PaperStyle.from_state(payload["paper"], payload["about"], device)
+        return _unpack_style(payload, device)
     except (KeyError, TypeError, RuntimeError, AttributeError) as error:
         raise ValueError(f"{path}: a damaged strokestyle model ({error}); write it again") from None
 
