@@ -160,7 +160,7 @@ def test_smoothing_takes_noise_away():
 def test_rtsc(name):
     """Its numbers to the last digit, with its solver's slip; and without it, no farther from them than the slip."""
     theirs = np.load(Path(SHARED) / "oracles" / "rtsc" / f"{name}.npz")
-    ours = make_surface(theirs["vertices"], theirs["faces"], rtsc=True)
+    ours = make_surface(theirs["vertices"], theirs["faces"], crease=180, rtsc=True)
     unit = np.median(np.abs(theirs["curv1"]))
     cosine = np.einsum("ij,ij->i", ours.pdir1, theirs["pdir1"])
     same_frame = np.abs(cosine) > 0.999  # where k1 = +-k2 directions mean nothing
@@ -174,7 +174,7 @@ def test_rtsc(name):
         assert np.median(error) < 1e-4
         assert np.percentile(error, 99) < 1e-2
     assert ours.feature_size == pytest.approx(float(theirs["feature_size"]), rel=1e-4)
-    paper = make_surface(theirs["vertices"], theirs["faces"])
+    paper = make_surface(theirs["vertices"], theirs["faces"], crease=180)
     assert np.median(np.abs(paper.k1 - theirs["curv1"]) / np.maximum(np.abs(theirs["curv1"]), unit)) < 0.02
     assert paper.feature_size == pytest.approx(float(theirs["feature_size"]), rel=0.1)
 
@@ -185,7 +185,7 @@ def test_rtscs_slip_depends_on_corner_order():
     shape = shapes.saddle(21)
     rolled = np.roll(shape.faces, 1, axis=1)
     points = shape.vertices + 0.01 * rng.normal(size=shape.vertices.shape)
-    slip = [make_surface(points, faces, rtsc=True).k1 for faces in (shape.faces, rolled)]
+    slip = [make_surface(points, faces, crease=180, rtsc=True).k1 for faces in (shape.faces, rolled)]
     ours = [make_surface(points, faces).k1 for faces in (shape.faces, rolled)]
     assert np.allclose(*ours, atol=1e-6)
     assert not np.allclose(*slip, rtol=0.05)
@@ -268,11 +268,49 @@ def test_fins_and_touching_parts():
 
 @pytest.mark.parametrize("size", [1e-30, 1e-3, 1.0, 1e30])
 def test_any_unit(size):
-    shape = shapes.torus(1, 0.4, 12, 8)
+    shape = shapes.torus(1, 0.4, 24, 16)
     surface = make_surface(size * shape.vertices, shape.faces)
     assert np.ptp(surface.vertices, axis=0).max() == pytest.approx(1)
     assert np.allclose(surface.vertices.min(axis=0), -surface.vertices.max(axis=0))
     assert np.allclose(surface.original(surface.vertices), size * shape.vertices, rtol=1e-6, atol=1e-9 * size)
+
+
+def test_a_cube_has_six_flat_sides():
+    surface = make_surface(*shapes.cube(4))
+    assert np.array_equal(np.sort(np.abs(surface.normals), axis=1), np.tile([0, 0, 1], (6 * 16, 1)))
+    assert not surface.k1.any() and not surface.dcurv.any()
+    assert len(np.unique(surface.weld)) == 56 and np.array_equal(surface.vertices, surface.vertices[surface.weld])
+    assert len(surface.cut_edges) == 12 * 3
+    assert surface.closed_faces.all() and (surface.edge_face_count == 2).all()  # it is still one closed surface
+    assert len(make_surface(*shapes.cube(4), crease=95).vertices) == 56
+
+
+def test_only_what_creases_part_is_parted():
+    """A cylinder with lids: its rims are cut, its side stays smooth and round; a cone's tip has a normal per face."""
+    side = shapes.cylinder(around=32, rows=3)
+    n = len(side.vertices)
+    rim = np.arange(32)
+    fan = lambda ring, tip: np.stack([ring, np.roll(ring, -1), np.full(len(ring), tip)], 1)  # noqa: E731
+    lids = [fan(rim, n), fan(n - 32 + rim, n + 1)]
+    points = np.vstack([side.vertices, [[0, -1, 0], [0, 1, 0]]])
+    surface = make_surface(points, np.vstack([side.faces, *lids]))
+    assert len(surface.vertices) == n + 2 + 64 and surface.closed_faces.all()
+    for normal in surface.normals:  # either along the axis or across it
+        assert min(np.abs(normal[1]), np.hypot(normal[0], normal[2])) < 1e-9
+    round_ = np.abs(surface.normals[:, 1]) < 0.5
+    assert np.allclose(surface.k1[round_] / surface.scale, 2) and not surface.k1[~round_].any()
+    cone = make_surface(points[2 * 32 :], np.vstack([fan(rim, 33), fan(rim[::-1], 32)]))
+    assert (cone.weld == cone.weld[32]).sum() == 32
+
+
+def test_noise_cuts_nothing():
+    shape = shapes.sphere(6)
+    points = shape.vertices.copy()
+    points[np.arange(0, len(points), 700)] *= 1.02  # spikes of one vertex, sharp all round
+    surface = make_surface(points, shape.faces)
+    angle = np.einsum("ij,ij->i", *surface.face_normals[surface.edge_faces.T])
+    assert angle.min() < np.cos(np.radians(40))
+    assert np.array_equal(surface.weld, np.arange(len(points)))
 
 
 def zoo():
@@ -336,7 +374,7 @@ def test_polygons_seams_materials_and_negative_indices(tmp_path):
     path = tmp_path / "house.obj"
     path.write_bytes(QUADS.encode("latin-1"))
     surface = load_surface(path)
-    assert (len(surface.vertices), len(surface.faces)) == (10, 16)
+    assert (len(np.unique(surface.weld)), len(surface.faces)) == (10, 16)
     assert surface.closed_faces.all()
     assert surface.part_names == ("",)
     assert surface.scale == 1.5 and surface.centre.tolist() == [0.5, 0.75, 0.5]
@@ -456,6 +494,12 @@ def test_smooth_must_make_sense(smooth):
         make_surface(*TRIANGLE, smooth=smooth)
 
 
+@pytest.mark.parametrize("crease", [0.0, -5.0, 181.0, np.nan])
+def test_crease_must_be_an_angle(crease):
+    with pytest.raises(ValueError, match="crease must be an angle"):
+        make_surface(*TRIANGLE, crease=crease)
+
+
 def test_a_surface_refuses_what_does_not_fit():
     good = make_surface(*shapes.sphere(1))
     values = {name: getattr(good, name) for name in Surface.__dataclass_fields__}
@@ -465,6 +509,7 @@ def test_a_surface_refuses_what_does_not_fit():
         ("normals", np.where(good.normals > 0.9, np.nan, good.normals), "not finite"),
         ("faces", good.faces + 1, r"0\.\.41"),
         ("feature_size", 0.0, "feature_size"),
+        ("weld", np.arange(42) + 1, "Surface.weld"),
         ("part", good.faces[:, 0], "Surface.part"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -168,7 +168,7 @@ def _interpolate(surface: Surface, face: np.ndarray, bary: np.ndarray, values: n
 def feature_curves(surface: Surface, camera: Camera, options: LineOptions | None = None) -> SurfaceCurves:
     """All lines of `options.kinds` as seen by `camera`, hidden ones included, kind by kind in KINDS order.
 
-    Ridges, valleys, creases and boundaries do not depend on the camera and are found once per surface and options.
+    Ridges, valleys and boundaries do not depend on the camera and are found once per surface and options.
     Parts of closed surfaces that face away are left out where a kind cannot be seen there.
     """
     options = options or LineOptions()
@@ -198,7 +198,7 @@ def smoothed(surface: Surface, length: float) -> Surface:
 
 @lru_cache(maxsize=4)
 def surface_lines(surface: Surface, options: LineOptions) -> SurfaceCurves:
-    """The lines that do not depend on the camera: boundaries, creases, ridges, valleys."""
+    """The lines that do not depend on the camera: boundaries, ridges, valleys."""
     segments = [
         find(smoothed(surface, options.smooth) if kind in SOFT_KINDS else surface, options)
         for kind, find in _SURFACE_KINDS.items()
@@ -210,21 +210,17 @@ def surface_lines(surface: Surface, options: LineOptions) -> SurfaceCurves:
 
 
 def _facing(surface: Surface, view: ViewFields, options: LineOptions) -> SurfaceCurves:
-    """surface_lines less the ridges and valleys that face away all along, on closed surfaces.
-
-    A crease may be seen though all vertex normals about it face away: one of its two sides does not.
-    """
+    """surface_lines less the ridges and valleys that face away all along, on closed surfaces."""
     curves = surface_lines(surface, options)
     if not len(curves):
         return curves
     front = (view.n_dot_v > 0.0) | ~surface.closed_vertices
     seen = front[surface.faces[curves.face]].any(axis=1)
-    sharp = np.isin(curves.kind, [KINDS.index("crease"), KINDS.index("boundary")])
-    return curves.take(sharp | (np.add.reduceat(seen, curves.offsets[:-1]) > 0))
+    return curves.take((curves.kind == KINDS.index("boundary")) | (np.add.reduceat(seen, curves.offsets[:-1]) > 0))
 
 
 def _without_echoes(surface: Surface, curves: SurfaceCurves, options: LineOptions) -> SurfaceCurves:
-    """Soft lines less their parts within ECHO_FACES faces of a crease.
+    """Soft lines less their parts within ECHO_FACES faces of a crease over which normals run.
 
     There normals and curvatures mix both sides of the crease, and would draw it a second time beside itself. Creases
     of fewer than ECHO_EDGES edges are as often the noise of a scan, and do not count.
@@ -246,11 +242,11 @@ def _without_echoes(surface: Surface, curves: SurfaceCurves, options: LineOption
 
 @lru_cache(maxsize=4)
 def _near_creases(surface: Surface, options: LineOptions) -> np.ndarray:
-    """(F,) bool, within ECHO_FACES faces of a crease of ECHO_EDGES edges or more."""
-    curves = surface_lines(surface, options)
+    """(F,) bool, within ECHO_FACES faces of a crease of ECHO_EDGES edges or more that is not cut."""
+    uncut = np.setdiff1d(crease_edges(surface, options.crease), surface.cut_edges, assume_unique=True)
+    curves = _chain(surface, _edge_segments(surface, uncut, "crease"), np.array([0.0, 1.0, 0.0]), 0.0)
     count = np.diff(curves.offsets)
-    long = (curves.kind == KINDS.index("crease")) & (count > ECHO_EDGES)
-    rows = np.repeat(long, count)
+    rows = np.repeat(count > ECHO_EDGES, count)
     touched = np.zeros(len(surface.vertices), bool)
     touched[surface.faces[curves.face[rows], curves.bary[rows].argmax(axis=1)]] = True  # creases run through vertices
     near = np.zeros(len(surface.faces), bool)
@@ -376,18 +372,35 @@ def _zero_lines(surface: Surface, value: np.ndarray, kind: str, among=None, rims
     for end, (other, corner) in enumerate(((a, after), (b, before))):
         t = own / (own - other)  # signs differ, so this is never 0 / 0
         bary[row, end, odd], bary[row, end, corner] = 1.0 - t, t
-    edges = surface.face_edges[face]
-    node = np.stack([edges[row, odd], edges[row, before]], axis=1)
+    corner = surface.faces[face]
+    node = np.stack(
+        [_edge_name(surface, corner[row, odd], corner[row, other]) for other in (after, before)], axis=1
+    )
     # walking from side (odd, after) to side (odd, before) has the odd corner on the left
     flip = ups[mixed] == 2
     bary[flip], node[flip] = bary[flip, ::-1], node[flip, ::-1]
     return Segments(KINDS.index(kind), face, bary, node, np.ones((len(mixed), 2)))
 
 
-def _keep_positive(segments: Segments, numerator: np.ndarray, denominator: np.ndarray, first_name: int) -> Segments:
+def _edge_name(surface: Surface, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The name of the point of a line on the edge between vertices a and b, one side of it where it is cut."""
+    return np.minimum(a, b) * len(surface.vertices) + np.maximum(a, b)
+
+
+def _first_free_name(surface: Surface) -> int:
+    """Names from here on are no edge's and no vertex's."""
+    return len(surface.vertices) ** 2 + len(surface.vertices)
+
+
+def _vertex_name(surface: Surface, vertex: np.ndarray) -> np.ndarray:
+    """The name of the end of a line at a vertex's place."""
+    return len(surface.vertices) ** 2 + surface.weld[vertex]
+
+
+def _keep_positive(segments: Segments, numerator: np.ndarray, denominator: np.ndarray, names: np.ndarray) -> Segments:
     """Cut segments to where numerator / denominator, (S, 2) each and linear along a segment, is not negative.
 
-    New ends get names from `first_name` on, one each.
+    names (S, 2) : of the ends made where the numerator is 0 and where the denominator is 0
     """
     n0, n1 = numerator.T
     d0, d1 = denominator.T
@@ -397,24 +410,32 @@ def _keep_positive(segments: Segments, numerator: np.ndarray, denominator: np.nd
         return np.where(crosses, a / np.where(crosses, a - b, 1.0), 1.0)
 
     good = (n0 >= 0.0) == (d0 >= 0.0)
-    cuts = np.sort(np.stack([zero(n0, n1), zero(d0, d1)], axis=1), axis=1)
-    stops = np.column_stack([np.zeros(len(segments)), cuts, np.ones(len(segments))])
-    pieces = []
+    cuts = np.stack([zero(n0, n1), zero(d0, d1)], axis=1)
+    order = np.argsort(cuts, axis=1)
+    cuts, names = np.take_along_axis(cuts, order, axis=1), np.take_along_axis(names, order, axis=1)
+    count = len(segments)
+    stops = np.column_stack([np.zeros(count), cuts, np.ones(count)])
+    stop_names = np.column_stack([segments.node[:, 0], names, segments.node[:, 1]])
+    stop_names = np.where(stops >= 1.0, segments.node[:, 1:], stop_names)
+    index, low, high, node = [], [], [], []
     for i in range(3):  # validity alternates at each cut
-        low, high = stops[:, i], stops[:, i + 1]
-        pieces.append((np.flatnonzero((good ^ bool(i % 2)) & (high > low)), low, high))
-    index = np.concatenate([piece[0] for piece in pieces])
-    low = np.concatenate([low[rows] for rows, low, _ in pieces])
-    high = np.concatenate([high[rows] for rows, _, high in pieces])
+        rows = np.flatnonzero((good ^ bool(i % 2)) & (stops[:, i + 1] > stops[:, i]))
+        index.append(rows)
+        low.append(stops[rows, i])
+        high.append(stops[rows, i + 1])
+        node.append(stop_names[rows, i : i + 2])
+    index, node = np.concatenate(index), np.concatenate(node)
+    t = np.stack([np.concatenate(low), np.concatenate(high)], axis=1)
     part = segments.take(index)
-    t = np.stack([low, high], axis=1)
     bary = part.bary[:, :1] * (1.0 - t)[:, :, None] + part.bary[:, 1:] * t[:, :, None]
     strength = part.strength[:, :1] * (1.0 - t) + part.strength[:, 1:] * t
-    inner = np.stack([low > 0.0, high < 1.0], axis=1)
-    node = part.node.copy()
-    node[inner] = first_name + np.arange(inner.sum())
     order = np.argsort(index, kind="stable")
     return Segments(part.kind, part.face[order], bary[order], node[order], strength[order])
+
+
+def _new_names(surface: Surface, segments: Segments) -> np.ndarray:
+    """(S, 2) names of ends inside of faces, all different."""
+    return _first_free_name(surface) + np.arange(2 * len(segments)).reshape(-1, 2)
 
 
 def _at_ends(surface: Surface, segments: Segments, value: np.ndarray) -> np.ndarray:
@@ -423,14 +444,63 @@ def _at_ends(surface: Surface, segments: Segments, value: np.ndarray) -> np.ndar
 
 
 def contour_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
-    """Occluding contours, n.v = 0. Trimmed to positive radial curvature on closed surfaces: the other half lies
-    inside a hollow and is always hidden. On open surfaces one may look at the inside, where the sign is reversed."""
+    """Occluding contours: n.v = 0, and creases between a side that faces the eye and one that does not.
+
+    On closed surfaces trimmed to what can be seen: positive radial curvature, convex creases. The rest lies inside a
+    hollow and is always hidden. On open surfaces one may look at the inside, where the signs are reversed.
+    """
     segments = _zero_lines(surface, view.n_dot_v, "contour")
-    if not options.trim:
-        return segments
-    radial = _at_ends(surface, segments, view.radial_curvature(surface))
-    radial[~surface.closed_faces[segments.face]] = 1.0
-    return _keep_positive(segments, radial, np.ones_like(radial), len(surface.edges))
+    if options.trim:
+        radial = _at_ends(surface, segments, view.radial_curvature(surface))
+        radial[~surface.closed_faces[segments.face]] = 1.0
+        segments = _keep_positive(segments, radial, np.ones_like(radial), _new_names(surface, segments))
+    return _joined(segments, _folds(surface, view, options))
+
+
+def _folds(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
+    """Parts of cut edges at which one side faces the eye and the other does not; their face is the one that does.
+
+    Normals run along the edge on either side. Where those of one side turn away, the smooth contour of that side ends
+    at the same point and under the same name.
+    """
+    edge = surface.cut_edges
+    if options.trim:
+        edge = edge[_convex(surface, edge) | ~surface.closed_faces[surface.edge_faces[edge, 0]]]
+    parts = []
+    for side in range(2):
+        segments, own, other, names = _along_cut(surface, view, edge, "contour", side)
+        segments = _keep_positive(segments, own, -other, names)
+        parts.append(segments.take(_at_ends(surface, segments, view.n_dot_v).mean(axis=1) > 0.0))
+    return _joined(*parts)
+
+
+def _convex(surface: Surface, edge: np.ndarray) -> np.ndarray:
+    """Does the surface bulge at edges (M,) between two faces? (M,) bool."""
+    (face, corner), (other, other_corner) = surface.edge_corners(edge)
+    apex = surface.faces[other, 3 - other_corner.sum(axis=1)]
+    rise = surface.vertices[apex] - surface.vertices[surface.faces[face, corner[:, 0]]]
+    return _rowdot(rise, surface.face_normals[face]) <= 0.0
+
+
+def _along_cut(surface: Surface, view: ViewFields, edge: np.ndarray, kind: str, side: int):
+    """Cut edges (M,) as segments in the face on one side; n.v at their ends on that and on the other side, (M, 2) each;
+    and the names (M, 2) of the points where the one and the other is 0."""
+    segments = _edge_segments(surface, edge, kind, side)
+    facing, names = [], []
+    sides = list(surface.edge_corners(edge))
+    for face, corner in (sides[side], sides[1 - side]):
+        vertex = surface.faces[face[:, None], corner]
+        backwards = _vertex_name(surface, vertex[:, 0]) != segments.node[:, 0]
+        vertex[backwards] = vertex[backwards, ::-1]
+        facing.append(view.n_dot_v[vertex])
+        names.append(_edge_name(surface, vertex[:, 0], vertex[:, 1]))
+    return segments, *facing, np.stack(names, axis=1)
+
+
+def _joined(*parts: Segments) -> Segments:
+    """Segments of one kind, one after the other."""
+    columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("face", "bary", "node", "strength"))
+    return Segments(parts[0].kind, *columns)
 
 
 def _may_be_seen(surface: Surface, view: ViewFields) -> np.ndarray:
@@ -450,7 +520,7 @@ def suggestive_segments(surface: Surface, view: ViewFields, options: LineOptions
     q = np.maximum(np.where(facing < 0.0, -q, q), 0.0)
     strength = q / np.maximum(q + 0.03 * np.abs(facing), 1e-12)
     segments = Segments(segments.kind, segments.face, segments.bary, segments.node, strength)
-    return _keep_positive(segments, derivative - limit * facing, facing, len(surface.edges))
+    return _keep_positive(segments, derivative - limit * facing, facing, _new_names(surface, segments))
 
 
 def apparent_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
@@ -540,7 +610,8 @@ def _extremal_lines(surface, slope, direction, value, limit, kind, among) -> Seg
     if kind == "apparent":
         good = _leads(point[two], arrow[two], *(on_side[two, ends[:, i]] for i in range(2))).all(axis=1)
         two, ends = two[good], ends[good]
-    edges = surface.face_edges[among]
+    corner = surface.faces[among]
+    edges = _edge_name(surface, corner, corner[:, _NEXT])
     face, bary, node = [among[two]], [on_side[two[:, None], ends]], [edges[two[:, None], ends]]
     for i in range(3):  # the arms of forks
         arm, centre = three, np.full((len(three), 3), 1.0 / 3.0)
@@ -549,7 +620,7 @@ def _extremal_lines(surface, slope, direction, value, limit, kind, among) -> Seg
             arm, centre = arm[good], centre[good]
         face.append(among[arm])
         bary.append(np.stack([on_side[arm, i], centre], axis=1))
-        node.append(np.stack([edges[arm, i], len(surface.edges) + among[arm]], axis=1))
+        node.append(np.stack([edges[arm, i], _first_free_name(surface) + among[arm]], axis=1))
     face, bary, node = np.concatenate(face), np.concatenate(bary), np.concatenate(node)
     segments = Segments(KINDS.index(kind), face, bary, node, np.zeros((len(face), 2)))
     height = _at_ends(surface, segments, value)
@@ -569,13 +640,31 @@ def _rowdot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("...i,...i->...", a, b)
 
 
-def crease_segments(surface: Surface, options: LineOptions) -> Segments:
-    """Mesh edges at which two faces meet at more than the crease angle, or more than two faces meet."""
-    pair = surface.edge_faces
+def crease_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
+    """Mesh edges at which two faces meet at more than the crease angle, or more than two faces meet.
+
+    Where contours are drawn too, less what is part of one, and what faces away on a closed surface.
+    """
+    edge = crease_edges(surface, options.crease)
+    if "contour" not in options.kinds:
+        return _edge_segments(surface, edge, "crease")
+    cut = np.isin(edge, surface.cut_edges, assume_unique=True)
+    segments, own, other, names = _along_cut(surface, view, edge[cut], "crease", 0)
+    both = _keep_positive(segments, own, other, names)
+    seen = (_at_ends(surface, both, view.n_dot_v).mean(axis=1) > 0.0) | ~surface.closed_faces[both.face]
+    return _joined(both.take(seen) if options.trim else both, _edge_segments(surface, edge[~cut], "crease"))
+
+
+@lru_cache(maxsize=4)
+def crease_edges(surface: Surface, angle: float) -> np.ndarray:
+    """Indices of the edges at which two faces meet at more than `angle` degrees, or more than two faces meet."""
     inner = np.flatnonzero(surface.edge_face_count == 2)
-    cosine = np.einsum("ij,ij->i", surface.face_normals[pair[inner, 0]], surface.face_normals[pair[inner, 1]])
-    sharp = inner[cosine < np.cos(np.radians(options.crease))]
-    return _edge_segments(surface, np.sort(np.r_[sharp, np.flatnonzero(surface.edge_face_count > 2)]), "crease")
+    (f, at_f), (g, at_g) = surface.edge_corners(inner)
+    cosine = _rowdot(surface.face_normals[f], surface.face_normals[g])
+    forward = ((at_f[:, 0] + 1) % 3 == at_f[:, 1]) == ((at_g[:, 0] + 1) % 3 == at_g[:, 1])
+    cosine[forward] *= -1.0  # no winding agrees about this edge of a one-sided surface
+    sharp = inner[cosine < np.cos(np.radians(angle))]
+    return np.sort(np.r_[sharp, np.flatnonzero(surface.edge_face_count > 2)])
 
 
 def boundary_segments(surface: Surface, options: LineOptions) -> Segments:
@@ -583,24 +672,24 @@ def boundary_segments(surface: Surface, options: LineOptions) -> Segments:
     return _edge_segments(surface, np.flatnonzero(surface.edge_face_count == 1), "boundary")
 
 
-def _edge_segments(surface: Surface, edge: np.ndarray, kind: str) -> Segments:
-    """Whole mesh edges as segments; their ends are named by vertex."""
-    face = surface.edge_faces[edge, 0]
-    side = np.argmax(surface.face_edges[face] == edge[:, None], axis=1)
-    row = np.arange(len(edge))
+def _edge_segments(surface: Surface, edge: np.ndarray, kind: str, side: int = 0) -> Segments:
+    """Whole mesh edges as segments, the first (or second) face at each to their left. Ends are named by place."""
+    face, corner = list(surface.edge_corners(edge))[side]
+    turn = (corner[:, 0] + 1) % 3 != corner[:, 1]
+    corner[turn] = corner[turn, ::-1]
     bary = np.zeros((len(edge), 2, 3))
-    bary[row, 0, side], bary[row, 1, _NEXT[side]] = 1.0, 1.0
-    node = np.stack([surface.faces[face, side], surface.faces[face, _NEXT[side]]], axis=1)
+    bary[np.arange(len(edge))[:, None], [0, 1], corner] = 1.0
+    node = _vertex_name(surface, surface.faces[face[:, None], corner])
     return Segments(KINDS.index(kind), face, bary, node, np.ones((len(edge), 2)))
 
 
-_VIEW_KINDS = {"contour": contour_segments, "suggestive": suggestive_segments, "apparent": apparent_segments}
-_SURFACE_KINDS = {
-    "boundary": boundary_segments,
+_VIEW_KINDS = {
+    "contour": contour_segments,
     "crease": crease_segments,
-    "ridge": ridge_segments,
-    "valley": valley_segments,
+    "suggestive": suggestive_segments,
+    "apparent": apparent_segments,
 }
+_SURFACE_KINDS = {"boundary": boundary_segments, "ridge": ridge_segments, "valley": valley_segments}
 
 
 # -------------------------------------------------------------------------------------------------------- chaining

@@ -17,6 +17,8 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+DEFAULT_CREASE = 40.0  # degrees between two faces
+SHORT_CREASE = 0.03  # of the longest side: sharp edges that reach less far are noise; normals run smoothly over them
 WELD = 1e-6  # of the longest side: boundary vertices nearer than this are one vertex
 _CELLS = 2**21  # per axis: the grid on which equal positions are found; 3 x 21 bits fit an int64
 _TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a mesh of size 1
@@ -40,6 +42,8 @@ class Surface:
     """A clean triangle mesh, box centred at the origin, longest side 1, with rtsc's conventions of sign.
 
     Normals point outward on closed parts, curvature is positive where the surface is convex, and |k1| >= |k2|.
+    Along creases each side has vertices, normals and curvatures of its own; `weld` tells which lie at one place. Edges
+    and what follows from them (boundaries, components) are those of the welded mesh.
 
     Parameters
     ----------
@@ -51,6 +55,7 @@ class Surface:
     feature_size : float, the length in which line thresholds are measured
     centre, scale : the file's coordinates are vertices * scale + centre
     part, part_names : (F,) int, index into the names of a scene's parts
+    weld : (V,) int, the first vertex at each vertex's place
 
     Raises
     ------
@@ -71,6 +76,7 @@ class Surface:
     scale: float = 1.0
     part: np.ndarray | None = None
     part_names: tuple[str, ...] = ("",)
+    weld: np.ndarray | None = None
 
     def __post_init__(self):
         faces = np.asarray(self.faces, np.int64)
@@ -82,7 +88,10 @@ class Surface:
         part = np.zeros(len(faces), np.int64) if self.part is None else np.asarray(self.part, np.int64)
         if part.shape != (len(faces),) or part.min() < 0 or part.max() >= len(self.part_names):
             raise ValueError(f"Surface.part must have shape ({len(faces)},) and lie in 0..{len(self.part_names) - 1}")
-        values = {"faces": faces, "part": part}
+        weld = np.arange(count) if self.weld is None else np.asarray(self.weld, np.int64)
+        if weld.shape != (count,) or (weld > np.arange(count)).any() or weld.min() < 0:
+            raise ValueError(f"Surface.weld must have shape ({count},) and name no later vertex")
+        values = {"faces": faces, "part": part, "weld": weld}
         shapes = {"vertices": 3, "normals": 3, "k1": 0, "k2": 0, "pdir1": 3, "pdir2": 3, "dcurv": 4}
         for name, width in shapes.items():
             value = np.asarray(getattr(self, name), np.float64)
@@ -105,11 +114,11 @@ class Surface:
 
     @cached_property
     def _edge_tables(self) -> tuple[np.ndarray, np.ndarray]:
-        return mesh_edges(self.faces, len(self.vertices))
+        return mesh_edges(self.weld[self.faces], len(self.vertices))
 
     @property
     def edges(self) -> np.ndarray:
-        """(E, 2) int, the vertices of each edge, the lower index first."""
+        """(E, 2) int, the welded vertices of each edge, the lower index first."""
         return self._edge_tables[0]
 
     @property
@@ -126,6 +135,19 @@ class Surface:
     def edge_faces(self) -> np.ndarray:
         """(E, 2) int, the first two faces of each edge; -1 where there is no second."""
         return edge_faces(self.face_edges, len(self.edges))
+
+    @cached_property
+    def cut_edges(self) -> np.ndarray:
+        """Indices of the edges between two faces, each of which has vertices of its own there."""
+        inner = np.flatnonzero(self.edge_face_count == 2)
+        near, far = (self.faces[face[:, None], corner] for face, corner in self.edge_corners(inner))
+        return inner[(near != far).any(axis=1)]
+
+    def edge_corners(self, edge: np.ndarray):
+        """For the first, then the second face at edges (M,): the face (M,), its corners (M, 2) at the edge's ends."""
+        for face in self.edge_faces[edge].T:
+            corners = self.weld[self.faces[face]]
+            yield face, np.stack([np.argmax(corners == end[:, None], axis=1) for end in self.edges[edge].T], axis=1)
 
     @cached_property
     def face_normals(self) -> np.ndarray:
@@ -167,10 +189,11 @@ class Surface:
 # ---------------------------------------------------------------------------------------------------- reading
 
 
-def load_surface(path: str | Path, smooth: float = 0.0) -> Surface:
+def load_surface(path: str | Path, smooth: float = 0.0, crease: float = DEFAULT_CREASE) -> Surface:
     """Read a mesh file of any format that trimesh knows; scenes become one surface with named parts.
 
     `smooth` : standard deviation, in mean edge lengths, of the smoothing of normals and curvatures.
+    `crease` : angle in degrees between two faces from which on normals and curvatures do not run over their edge.
 
     Raises OSError where the file cannot be opened, ValueError where it holds no surface; either names the file.
     """
@@ -183,7 +206,7 @@ def load_surface(path: str | Path, smooth: float = 0.0) -> Surface:
         raise ValueError(f"{path}: the file is empty")
     vertices, faces, part, names = _read(path)
     try:
-        return make_surface(vertices, faces, smooth=smooth, part=part, part_names=names)
+        return make_surface(vertices, faces, smooth, crease, part, names)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -259,6 +282,7 @@ def make_surface(
     vertices: np.ndarray,
     faces: np.ndarray,
     smooth: float = 0.0,
+    crease: float = DEFAULT_CREASE,
     part: np.ndarray | None = None,
     part_names: tuple[str, ...] = ("",),
     rtsc: bool = False,
@@ -270,11 +294,13 @@ def make_surface(
     vertices : (V, 3) float, any unit and position
     faces : (F, 3) int
     smooth : float, standard deviation in mean edge lengths of the smoothing of normals and curvatures
+    crease : float, degrees between two faces from which on nothing runs over their edge; 180 for never
     part, part_names : the named part that each face belongs to
     rtsc : reproduce rtsc 1.6 to the last digit, its faults included (see differential_geometry)
 
     Vertices at one place become one; faces without area and repeated faces go; winding is made to agree within each
-    component, outward where it is closed. Vertex order is kept. Raises ValueError where no surface is left.
+    component, outward where it is closed; vertices along creases are repeated. Vertex order is kept, repeated vertices
+    come last. Raises ValueError where no surface is left.
     """
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -285,6 +311,8 @@ def make_surface(
         raise ValueError(f"faces name vertex {faces.min() if faces.min() < 0 else faces.max()} of {len(vertices)}")
     if not (np.isfinite(smooth) and 0.0 <= smooth <= 100.0):
         raise ValueError(f"smooth must lie between 0 and 100 mean edges, got {smooth}")
+    if not 0.0 < crease <= 180.0:
+        raise ValueError(f"crease must be an angle of up to 180 degrees, got {crease}")
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     bad = used & ~np.isfinite(vertices).all(axis=1)
@@ -295,7 +323,9 @@ def make_surface(
     points, centre, scale = _normalise(points)
     points, faces, part = _weld(points, faces, part)
     faces = _orient(points, faces)
-    vertices, moved_centre, moved_scale = _normalise(points)  # dropped faces may have held the box open
+    points, moved_centre, moved_scale = _normalise(points)  # dropped faces may have held the box open
+    faces, weld = _cut(points, faces, crease)
+    vertices = points[weld]
     return Surface(
         vertices,
         faces,
@@ -304,6 +334,7 @@ def make_surface(
         scale=scale * moved_scale,
         part=part,
         part_names=part_names,
+        weld=weld,
     )
 
 
@@ -436,6 +467,72 @@ def _orient(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     volume = np.bincount(component, weights=_dot(p0, np.cross(p1, p2)))
     inward = closed & (volume < 0.0)
     return np.where(inward[component][:, None], faces[:, ::-1], faces)
+
+
+def _cut(points: np.ndarray, faces: np.ndarray, crease: float) -> tuple[np.ndarray, np.ndarray]:
+    """Give each side of a sharp edge vertices of its own: faces (F, 3) over the new vertices, and their old ones (V,).
+
+    Sharp are edges of more than `crease` degrees that together reach over SHORT_CREASE, those that meet in a tip, those
+    that no winding can agree about, and those of more than two faces. A vertex is repeated once for each group of its
+    faces that is joined through other edges, so that one sharp edge alone changes nothing.
+    """
+    count = len(points)
+    edges, face_edges = mesh_edges(faces, count)
+    uses = np.bincount(face_edges.ravel(), minlength=len(edges))
+    inner = np.flatnonzero(uses == 2)
+    f, g = edge_faces(face_edges, len(edges))[inner].T
+    p0, p1, p2 = (points[faces[:, i]] for i in range(3))
+    normal = _unit(np.cross(p1 - p0, p2 - p0))
+    forward = (faces < np.roll(faces, -1, axis=1)).ravel()
+    clash = np.bincount(face_edges.ravel(), weights=forward, minlength=len(edges))[inner] != 1
+    sharp = (_dot(normal[f], normal[g]) < np.cos(np.radians(crease))) & ~clash & (crease < 180.0)
+    if sharp.any():
+        a, b = edges[inner[sharp]].T
+        chain = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1][a]
+        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        np.minimum.at(low, chain, np.minimum(points[a], points[b]))
+        np.maximum.at(high, chain, np.maximum(points[a], points[b]))
+        sharp[sharp] = np.linalg.norm(high[chain] - low[chain], axis=1) >= SHORT_CREASE
+    if crease < 180.0:
+        tip = _tips(points, faces, edges, normal, np.cos(np.radians(crease)))
+        tip[edges[inner[sharp]]] = False  # cut as it is
+        sharp |= tip[edges[inner]].any(axis=1)
+    if not (sharp.any() or clash.any() or (uses > 2).any()):
+        return faces, np.arange(count)
+    # corners of two faces belong together at both ends of an edge that is not cut
+    joined = ~(sharp | clash)
+    f, g, ends = f[joined], g[joined], edges[inner[joined]]
+    links = []
+    for face in (f, g):
+        corner = [np.argmax(faces[face] == end[:, None], axis=1) for end in ends.T]
+        links.append(np.concatenate([3 * face + c for c in corner]))
+    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(faces.size, faces.size))
+    groups, group = connected_components(graph, directed=False)
+    old = np.empty(groups, np.int64)
+    old[group] = faces.ravel()
+    # the first group of each vertex keeps its number, the others get new ones
+    order = np.argsort(old, kind="stable")
+    first = np.r_[True, old[order][1:] != old[order][:-1]]
+    number = np.empty(groups, np.int64)
+    number[order[first]] = old[order[first]]
+    number[order[~first]] = count + np.arange((~first).sum())
+    return number[group].reshape(faces.shape), np.r_[np.arange(count), old[order[~first]]]
+
+
+def _tips(points: np.ndarray, faces: np.ndarray, edges: np.ndarray, normal: np.ndarray, cosine: float) -> np.ndarray:
+    """(V,) bool: vertices such as a cone's, that no normal fits: some face turns from theirs by more than the crease
+    angle. Only where edges are long: between long thin faces, normals that run from a tip would bend the outline."""
+    vectors = points[edges[:, 0]] - points[edges[:, 1]]
+    length = np.sqrt(_dot(vectors, vectors))
+    tip = np.zeros(len(points), bool)
+    if length.max() < SHORT_CREASE:
+        return tip
+    uses = np.bincount(edges.ravel(), minlength=len(points))
+    mean = np.bincount(edges.ravel(), weights=np.repeat(length, 2), minlength=len(points)) / uses
+    vertex = vertex_normals(points, faces)
+    for i in range(3):
+        tip[faces[_dot(normal, vertex[faces[:, i]]) < cosine, i]] = True
+    return tip & (mean >= SHORT_CREASE)
 
 
 # ---------------------------------------------------------------------------------------------------- measuring
