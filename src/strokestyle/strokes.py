@@ -808,7 +808,7 @@ def _fit_spans(xy, first_tangent, last_tangent, begin, end):
             move = (off * d1).sum(axis=1) / np.where(slope > 1e-12, slope, np.inf)
             t = np.clip(t - move, 0.0, 1.0)
             t[head], t[head + count - 1] = 0.0, 1.0
-    error = np.hypot(off[:, 0], off[:, 1])
+    error = np.round(np.hypot(off[:, 0], off[:, 1]), 9)  # so that ties fall alike whatever else is fitted beside
     worst = np.maximum.reduceat(error, head)
     inner = np.where((row > begin[span]) & (row < end[span]), error, -1.0)
     top = np.maximum.reduceat(inner, head)
