@@ -13,7 +13,7 @@ import sysconfig
 import time
 from pathlib import Path
 
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageChops, ImageDraw, ImageFont
 
 HERE = Path(__file__).resolve().parent
 SHAPES, DRAWINGS = HERE / "shapes", HERE / "drawings"
@@ -49,20 +49,29 @@ def overview(out: Path, tile: int = 460) -> Image.Image:
         files = [DRAWINGS / f"{name}.png"]
         for shape in shapes:
             files += [out / "curves" / f"{shape}.png", out / name / f"{shape}.png"]
-        rows.append([_on_white(file, tile) for file in files])
-    width = sum(picture.width for picture in rows[0]) + gap * (len(rows[0]) + 1)
-    sheet = Image.new("RGB", (width, head + len(rows) * (tile + gap)), "white")
+        rows.append(_trimmed([_on_white(file, tile) for file in files], margin=12))
+    width = gap + len(titles) * (tile + gap)
+    sheet = Image.new("RGB", (width, head + sum(row[0].height for row in rows)), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(18)
-    for j, row in enumerate(rows):
-        x = gap
+    for i, title in enumerate(titles):
+        centre = gap + i * (tile + gap) + tile / 2
+        draw.text((centre, head / 2), title, GREY if title == "curves" else INK, font, anchor="mm")
+    y = head
+    for row in rows:
         for i, picture in enumerate(row):
-            sheet.paste(picture, (x, head + j * (tile + gap)))
-            if j == 0:
-                draw.text((x + tile / 2, head / 2), titles[i], INK if i in (0, 2, 4) else GREY, font, anchor="mm")
-            x += tile + gap
+            sheet.paste(picture, (gap + i * (tile + gap), y))
+        y += row[0].height
     x = gap + tile + gap // 2
     draw.line([(x, 8), (x, sheet.height - 8)], (210, 210, 210), 1)
     return sheet
+
+
+def _trimmed(row: list[Image.Image], margin: int) -> list[Image.Image]:
+    """The pictures without the white above and below them all."""
+    boxes = [ImageChops.invert(picture.convert("L")).point(lambda v: 255 * (v > 24)).getbbox() for picture in row]
+    low = max(0, min(box[1] for box in boxes if box) - margin)
+    high = min(row[0].height, max(box[3] for box in boxes if box) + margin)
+    return [picture.crop((0, low, picture.width, high)) for picture in row]
 
 
 def _on_white(file: Path, tile: int) -> Image.Image:
