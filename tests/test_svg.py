@@ -1,0 +1,224 @@
+"""SVG text: its structure read back with ElementTree, its picture rendered by resvg against our own raster."""
+
+import base64
+import gzip
+import io
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from strokestyle.curves import KINDS, Curves
+from strokestyle.strokes import Drawing, Strokes, Texture, rasterise
+from strokestyle.svg import (
+    palette_png,
+    plain_svg,
+    png_from_svg,
+    polyline_path,
+    printable,
+    rings_path,
+    save_svg,
+    write_svg,
+)
+
+SVG = "{http://www.w3.org/2000/svg}"
+XLINK = "{http://www.w3.org/1999/xlink}"
+INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
+
+
+def drawing(count=12, texture=None, seed=0):
+    """Wavy tapered strokes of three kinds on 160 x 120; texture None, "grain" (one ink) or "colours"."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0, 1, 24)
+    xy, width, rows = [], [], []
+    for _ in range(count):
+        begin, end = rng.uniform(15, 105, (2, 2))
+        line = begin + t[:, None] * (end - begin) * [1.3, 1]
+        line += rng.uniform(2, 6) * np.sin(6 * t + rng.uniform(0, 6))[:, None] * [0.3, 1]
+        xy.append(line)
+        width.append(rng.uniform(2, 9) * np.sin(np.pi * np.clip(t, 0.02, 0.98)) ** 0.5)
+        n = 2 * int(np.hypot(*np.diff(line, axis=0).T).sum() + 10)
+        strip = rng.random((n, 20, 4)) if texture == "colours" else np.tile([0.1, 0.1, 0.3, 1.0], (n, 20, 1))
+        noise = rng.random((n // 6 + 1, 5)).repeat(6, 0)[:n].repeat(4, 1)
+        strip[..., 3] = noise * (np.abs((2 * np.arange(20) + 1) / 20 - 1) < 0.7)
+        if texture == "colours":
+            strip[..., :3] = strip[:1, :1, :3] * 0.5 + 0.5 * t[np.arange(n) * 23 // n][:, None, None]
+        rows.append(np.rint(255 * strip).astype(np.uint8))
+    offsets = 24 * np.arange(count + 1)
+    kind = rng.choice([KINDS.index(k) for k in ("contour", "valley", "crease")], count)
+    strokes = Strokes(np.concatenate(xy), np.concatenate(width), offsets, kind, np.zeros(count, bool))
+    color = np.concatenate([rng.random((count, 3)), rng.uniform(0.4, 1, (count, 1))], axis=1)
+    strips = Texture(np.concatenate(rows), np.cumsum([0] + [len(r) for r in rows]), 2.0) if texture else None
+    return Drawing(strokes, (160, 120), color, strips)
+
+
+def rendered(text, scale=1.0):
+    return np.asarray(Image.open(io.BytesIO(png_from_svg(text, scale))).convert("RGB")).astype(float)
+
+
+@pytest.mark.parametrize("scale", [1.0, 4.0])
+def test_flat_svg_shows_what_the_raster_shows(scale):
+    flat = drawing()
+    error = np.abs(rendered(write_svg(flat), scale) - rasterise(flat, scale, (1, 1, 1)))
+    assert error.mean() < 0.35  # an outline off by .2 px gives more
+
+
+@pytest.mark.parametrize("texture", ["grain", "colours"])
+@pytest.mark.parametrize("scale", [1.0, 4.0])
+def test_image_svg_shows_what_the_raster_shows(texture, scale):
+    textured = drawing(texture=texture)
+    picture = rendered(write_svg(textured), scale)
+    error = np.abs(picture - rasterise(textured, scale, (1, 1, 1)))
+    assert error.mean() < 2.6  # 18 % of this small page is stroke, of a real one 4 %: there it is 0.6
+    assert np.abs(picture - rasterise(textured, scale, (1, 1, 1), texture=False)).mean() > 3 * error.mean()
+
+
+def test_layers_lie_in_painting_order_and_hold_every_stroke():
+    flat = drawing()
+    root = ET.fromstring(write_svg(flat))
+    layers = [g for g in root.findall(f"{SVG}g") if g.get(f"{INKSCAPE}groupmode") == "layer"]
+    assert [g.get(f"{INKSCAPE}label") for g in layers] == ["valley", "crease", "contour"]
+    assert [len(g) for g in layers] == [int((flat.strokes.kind == KINDS.index(g.get("class"))).sum()) for g in layers]
+    ids = [e.get("id") for e in root.iter() if e.get("id")]
+    assert len(ids) == len(set(ids))
+    flat_order = ET.fromstring(write_svg(flat, layers=False))
+    assert [e.get("id") for e in flat_order if e.get("class") == "stroke"] == [f"s{n:03d}" for n in range(12)]
+
+
+def test_page_has_physical_size_title_and_nothing_to_load():
+    text = write_svg(drawing(texture="grain"), title="Cup <1> & \"2\"", description="a\x00b")
+    root = ET.fromstring(text)
+    assert root.get("viewBox") == "0 0 160 120" and root.get("width") == "42.3333mm" and root.get("height") == "31.75mm"
+    assert root.find(f"{SVG}title").text == 'Cup <1> & "2"' and root.find(f"{SVG}desc").text == "ab"
+    assert "<!DOCTYPE" not in text and "<script" not in text and root.find(f"{SVG}rect") is None
+    for element in root.iter():
+        href = element.get(f"{XLINK}href")
+        assert href is None or href.startswith("data:image/png;base64,")
+    paper = ET.fromstring(write_svg(drawing(), background="#fffaf0")).find(f"{SVG}rect")
+    assert paper.get("fill") == "#fffaf0"
+
+
+def test_the_same_drawing_gives_the_same_text():
+    for texture in (None, "grain", "colours"):
+        assert write_svg(drawing(texture=texture)) == write_svg(drawing(texture=texture))
+
+
+def numbers(text):
+    return np.array([float(n) for n in re.findall(r"-?\d*\.?\d+", text)])
+
+
+def test_strokes_carry_their_centre_line_and_widths():
+    flat = drawing()
+    root = ET.fromstring(write_svg(flat))
+    order = np.argsort(-flat.strokes.kind, kind="stable")
+    for element, i in zip(root.iter(f"{SVG}path"), order, strict=True):
+        rows = slice(flat.strokes.offsets[i], flat.strokes.offsets[i + 1])
+        steps = numbers(element.get("data-ss-path")).reshape(-1, 2)
+        xy = np.cumsum(steps, axis=0)
+        assert xy == pytest.approx(flat.strokes.xy[rows], abs=0.0051)
+        t, width = numbers(element.get("data-ss-width")).reshape(-1, 2).T
+        along = np.r_[0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
+        assert np.interp(along / along[-1], t, width) == pytest.approx(flat.strokes.thickness[rows], abs=0.01)
+        assert element.get("data-ss-class") == KINDS[flat.strokes.kind[i]] and element.get("fill-rule") == "nonzero"
+
+
+def test_auto_takes_images_only_where_there_is_texture():
+    assert "<image" not in write_svg(drawing()) and "<image" in write_svg(drawing(texture="grain"))
+    plain = write_svg(drawing(texture="grain"), texture="none")
+    assert "<image" not in plain and plain == write_svg(replace(drawing(texture="grain"), texture=None))
+
+
+def test_fewer_decimals_and_looser_outlines_make_smaller_files():
+    fine, coarse = write_svg(drawing(), decimals=3), write_svg(drawing(), decimals=1)
+    assert len(coarse) < 0.8 * len(fine) and len(write_svg(drawing(), tolerance=0.5)) < len(write_svg(drawing()))
+    outline = re.findall(r' d="([^"]*)"', coarse)
+    assert outline and not any(re.search(r"\.\d\d", d) for d in outline)
+
+
+def test_textures_of_higher_resolution_are_larger():
+    def pixels(resolution):
+        text = write_svg(drawing(texture="grain"), texture_res=resolution)
+        pngs = re.findall(r"base64,([^\"]+)", text)
+        return sum(np.prod(Image.open(io.BytesIO(base64.b64decode(png))).size) for png in pngs)
+
+    assert pixels(4.0) == pytest.approx(16 * pixels(1.0), rel=0.2)
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"texture": "vector9"}, "texture must be one of"),
+        ({"texture_res": 0}, "resolution"),
+        ({"decimals": 9}, "decimals"),
+        ({"tolerance": 0}, "tolerance"),
+    ],
+)
+def test_bad_options_are_named(options, message):
+    with pytest.raises(ValueError, match=message):
+        write_svg(drawing(), **options)
+
+
+def test_save_svg_compresses_by_suffix(tmp_path):
+    save_svg(tmp_path / "a.svg", drawing())
+    save_svg(tmp_path / "a.svgz", drawing())
+    save_svg(tmp_path / "b.SVGZ", drawing())
+    packed, upper = (tmp_path / "a.svgz").read_bytes(), (tmp_path / "b.SVGZ").read_bytes()
+    assert packed[4:8] == b"\0\0\0\0" and upper == packed  # no time of writing, no name
+    assert gzip.decompress(packed) == (tmp_path / "a.svg").read_bytes()
+    with pytest.raises(OSError, match="nowhere"):
+        save_svg(tmp_path / "nowhere" / "a.svg", drawing())
+
+
+def test_an_empty_drawing_is_an_empty_page():
+    nothing = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), (40, 30), np.zeros((0, 4)))
+    assert (rendered(write_svg(nothing)) == 255).all()
+
+
+def test_degenerate_strokes_are_written():
+    strokes = Strokes([[5, 5], [5, 5], [9, 9], [20, 9]], [0, 0, 0, 0], [0, 2, 4], [0, 0], [False, False])
+    flat = Drawing(strokes, (40, 30), np.tile([0, 0, 0, 1.0], (2, 1)))
+    assert "nan" not in write_svg(flat) and (rendered(write_svg(flat)) == 255).all()
+    strip = Texture(np.full((8, 4, 4), 255, np.uint8), [0, 4, 8], 0.0)
+    assert "nan" not in write_svg(replace(flat, texture=strip))
+
+
+def test_path_data_is_short_and_exact():
+    ring = np.array([[[0, 0], [1, 0], [1.5, 0.5], [2, 1]], [[2, 1], [2.25, 0.5], [1, 0.004], [0, 0]]], float)
+    assert rings_path([ring]) == "M0 0c1 0 1.5 .5 2 1 .25-.5-1-1-2-1z"
+    assert polyline_path(np.array([[1, 2], [1.5, 2], [1.5, 0.25]])) == "M1 2l.5 0 0-1.75"
+    assert polyline_path(np.array([[0, 0], [4, 0], [4, 4], [0, 0.0]]), closed=True) == "M0 0l4 0 0 4z"
+
+
+def test_plain_curves_by_kind():
+    lines = [np.array([[10, 10], [50, 10.0]]), np.array([[10, 30], [50, 30], [30, 40], [10, 30.0]])]
+    text = plain_svg(Curves.from_list(lines, [KINDS.index("contour"), KINDS.index("ridge")]), (60, 50), title="x & y")
+    root = ET.fromstring(text)
+    assert [g.get(f"{INKSCAPE}label") for g in root.findall(f"{SVG}g")] == ["ridge", "contour"]
+    picture = rendered(text)
+    assert picture[9:11, 30].sum() == pytest.approx(3 * 255, abs=12) and picture[30, 8].min() > 200
+    assert plain_svg(Curves.empty(), (60, 50))
+
+
+def test_palette_png_of_one_ink_keeps_the_ink_and_sixteen_alphas():
+    alpha = np.linspace(0, 1, 256).reshape(16, 16)
+    layer = alpha[..., None] * [0.8, 0.4, 0.2, 1.0]
+    image = Image.open(io.BytesIO(palette_png(layer)))
+    got = np.asarray(image.convert("RGBA")).astype(float) / 255
+    assert len(np.unique(got[..., 3])) == 16
+    assert got[..., :3][alpha > 0.1] == pytest.approx(np.tile([0.8, 0.4, 0.2], ((alpha > 0.1).sum(), 1)), abs=0.01)
+    assert np.abs(got[..., 3] - alpha).max() <= 0.5 / 15 + 1e-6
+
+
+def test_palette_png_of_many_colours_is_close():
+    y, x = np.mgrid[0:40, 0:60] / 60
+    layer = np.stack([x * 0.9, 0.5 * y, 0.3 + 0 * x, np.ones_like(x)], axis=-1) * (0.3 + 0.7 * x[..., None])
+    got = np.asarray(Image.open(io.BytesIO(palette_png(layer))).convert("RGBA")).astype(float) / 255
+    assert np.abs(got[..., :3] * got[..., 3:] - layer[..., :3]).mean() < 0.02
+    assert np.abs(got[..., 3] - layer[..., 3]).mean() < 0.03
+
+
+def test_text_that_xml_cannot_hold_is_left_out():
+    assert printable("a\x00\x0bb\ud800c\ufffe\n\U0001f58c") == "abc\n\U0001f58c"
