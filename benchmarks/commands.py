@@ -1,6 +1,6 @@
 """Whole commands as a user runs them: wall and CPU seconds and peak memory of every process, imports included.
 
-    python benchmarks/commands.py [--presets quick standard] [--shape MESH]
+    python benchmarks/commands.py [--presets quick standard]
 
 The drawing and the shapes are the project's own; with STROKESTYLE_SHARED set, its largest meshes are drawn as well.
 """
@@ -44,13 +44,15 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         for preset in args.presets:
-            row(f"fit {drawings[0].stem} --preset {preset}",
-                "fit", drawings[0], drawn_over, "-o", folder / "m.pt", "--preset", preset)  # fmt: skip
+            for drawing in drawings:
+                words = ("fit", drawing, drawn_over, "-o", folder / f"{drawing.stem}.pt", "--preset", preset)
+                row(f"fit {drawing.stem} --preset {preset}", *words)
+        model = folder / "charcoal.pt"
         for shape in shapes:
-            row(f"extract {shape.stem} (all four files)", "extract", shape,
-                *(word for suffix in ("png", "svg", "npz", "json") for word in ("-o", folder / f"x.{suffix}")))  # fmt: skip
-            row(f"render {shape.stem}", "render", folder / "m.pt", shape, "-o", folder / "x.svg")
-        row(f"render {len(shapes)} shapes, one process", "render", folder / "m.pt", *shapes, "-o", folder / "all")
+            files = [word for suffix in ("png", "svg", "npz", "json") for word in ("-o", folder / f"x.{suffix}")]
+            row(f"extract {shape.stem} (all four files)", "extract", shape, *files)
+            row(f"render {shape.stem}", "render", model, shape, "-o", folder / "x.svg")
+        row(f"render {len(shapes)} shapes, one process", "render", model, *shapes, "-o", folder / "all")
 
 
 if __name__ == "__main__":
