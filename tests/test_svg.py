@@ -212,6 +212,13 @@ def test_palette_png_of_one_ink_keeps_the_ink_and_sixteen_alphas():
     assert np.abs(got[..., 3] - alpha).max() <= 0.5 / 15 + 1e-6
 
 
+def test_palette_png_of_ink_too_faint_for_a_level_of_alpha():
+    layer = np.zeros((8, 8, 4))
+    layer[2, 2], layer[5, 5] = [0.002, 0, 0, 0.002], [0, 0, 0.003, 0.003]
+    with Image.open(io.BytesIO(palette_png(layer))) as picture:
+        assert np.asarray(picture.convert("RGBA"))[..., 3].max() == 0
+
+
 def test_palette_png_of_many_colours_is_close():
     y, x = np.mgrid[0:40, 0:60] / 60
     layer = np.stack([x * 0.9, 0.5 * y, 0.3 + 0 * x, np.ones_like(x)], axis=-1) * (0.3 + 0.7 * x[..., None])

@@ -433,7 +433,8 @@ def _render_one(model: str, options: dict, shape: str, output: str) -> tuple[str
     try:
         return _draw(model, options, shape, output), ""
     except (ValueError, OSError, MemoryError) as error:
-        return "", describe(error)
+        line = describe(error)
+        return "", line if any(str(name) in line for name in (shape, model, output)) else f"{shape}: {line}"
 
 
 @functools.lru_cache(maxsize=1)

@@ -310,6 +310,8 @@ def _quantise(flat, count):
     colors = sums / weight[:, None]
     clear = colors[:, 3] < 1 / 255
     weight = np.where(clear, 0, weight).astype(np.float64)
+    if not weight.any():  # a breath of ink, less than a level of alpha everywhere
+        return np.zeros(len(flat), np.uint8), np.zeros((1, 4))
     # the first centres: evenly spread over the cells, along the axis on which they differ most
     mean = (weight[:, None] * colors).sum(axis=0) / weight.sum()
     spread = (colors - mean) * np.sqrt(weight)[:, None]
