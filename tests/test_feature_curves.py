@@ -1,6 +1,7 @@
 """Lines on closed-form surfaces, rtsc's segments, and chains that hold together."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from strokestyle import feature_curves as lines
 from strokestyle.camera import Camera, fit_camera
-from strokestyle.curves import KINDS, owner
+from strokestyle.curves import KINDS
 from strokestyle.feature_curves import LineOptions, SurfaceCurves, ViewFields, feature_curves
 from strokestyle.surface import make_surface
 
@@ -72,6 +73,12 @@ def test_the_contour_of_a_sphere_is_one_circle():
 def test_a_contour_keeps_the_facing_side_to_its_left():
     surface = make_surface(*shapes.sphere(3))
     eye = np.array([0.0, 0.0, 3.0])
+    segments = lines.contour_segments(surface, ViewFields.of(surface, eye), LineOptions())
+    points = segments.points(surface)
+    left = np.cross(surface.face_normals[segments.face], points[:, 1] - points[:, 0])
+    corner = surface.vertices[surface.faces[segments.face]] - points[:, :1]
+    higher = ViewFields.of(surface, eye).n_dot_v[surface.faces[segments.face]] >= 0
+    assert ((np.einsum("sci,si->sc", corner, left) >= 0) == higher).all()
     points = feature_curves(surface, camera(eye), only("contour")).points(surface)
     turning = np.cross(points[:-1], points[1:])[:, 2]
     assert (turning > 0).all()  # counter-clockwise seen from the eye
@@ -92,13 +99,16 @@ def test_contours_of_a_torus_are_trimmed_where_they_cannot_be_seen():
 
 
 def test_the_inside_of_an_open_surface_keeps_its_contours():
-    """A bowl seen from its hollow side: the radial curvature is negative, and yet there is a contour."""
+    """A bowl whose normals point into its hollow has a negative radial curvature, and yet the same contour."""
     bowl = shapes.sphere(4)
-    keep = bowl.vertices[bowl.faces][:, :, 2].mean(axis=1) < 0.5
-    surface = make_surface(bowl.vertices, bowl.faces[keep])
-    curves = feature_curves(surface, camera((0, 2.0, 1.2)), LineOptions(smooth=0.0))
-    assert {KINDS[k] for k in curves.kind} == {"contour", "boundary"}
-    assert not surface.closed_faces.any()
+    faces = bowl.faces[bowl.vertices[bowl.faces][:, :, 2].mean(axis=1) < 0.5]
+    total = []
+    for winding in (faces, faces[:, ::-1]):
+        surface = make_surface(bowl.vertices, winding)
+        curves = feature_curves(surface, camera((0, 2.0, 1.2)), LineOptions(smooth=0.0))
+        assert {KINDS[k] for k in curves.kind} == {"contour", "boundary"}
+        total.append(lengths(surface, curves)[curves.kind == 0].sum())
+    assert total[0] == pytest.approx(total[1]) and total[0] > 1
 
 
 def test_a_boundary_is_one_closed_curve():
@@ -160,19 +170,77 @@ def test_suggestive_contours_lie_where_the_radial_curvature_vanishes():
     fields = ViewFields.of(surface, view.eye)
     assert np.abs(curves.interpolate(surface, fields.radial_curvature(surface))).max() < 1e-6
     assert curves.interpolate(surface, fields.radial_derivative(surface)).min() > 0
-    # the derivative of the formula against finite differences of kr along the view, on the surface
-    w = view.eye - surface.vertices
-    w -= np.einsum("ij,ij->i", w, surface.normals)[:, None] * surface.normals
-    w /= np.linalg.norm(w, axis=1, keepdims=True)
-    inner = np.flatnonzero(np.abs(surface.vertices[:, :2]).max(axis=1) < 0.3)
-    tree = cKDTree(surface.vertices)
-    sine = np.hypot(fields.u, fields.v)
-    kr = fields.radial_curvature(surface) / sine**2
-    step = 0.025
-    near = [tree.query(surface.vertices[inner] + s * step * w[inner], k=4) for s in (-1, 1)]
-    back, front = ((kr[index] / np.maximum(d, 1e-9)).sum(1) / (1 / np.maximum(d, 1e-9)).sum(1) for d, index in near)
-    slope = (front - back) / (2 * step)
-    assert np.corrcoef(slope, (fields.radial_derivative(surface) / sine)[inner])[0, 1] > 0.95
+    # Neural Contours' formula, at the ends that are not cut to the threshold
+    q = surface.feature_size**2 * curves.interpolate(surface, fields.radial_derivative(surface))
+    facing = curves.interpolate(surface, fields.n_dot_v)
+    q = np.maximum(q - 0.01 * facing, 0)
+    whole = (curves.bary == 0).any(axis=1)
+    assert np.allclose(curves.strength[whole], (q / (q + 0.03 * facing))[whole], atol=1e-9)
+    assert whole.mean() > 0.5
+
+
+def test_derivative_of_the_radial_curvature():
+    """Along the view, on a torus, against finite differences on the torus itself."""
+    big, small, eye = 1.0, 0.4, np.array([2.0, 1.5, 3.0])
+    shape = shapes.torus(big, small, 192, 96)
+    surface = make_surface(*shape)
+    around = np.cross(shape.pdir1, shape.normals)
+    a = np.arctan2(shape.vertices[:, 2], shape.vertices[:, 0])
+    t = np.arctan2(shape.vertices[:, 1], np.hypot(*shape.vertices[:, [0, 2]].T) - big)
+
+    def radial(a, t):
+        """kr, and the view's tangential direction and its length, at angles (a, t)."""
+        outward = np.stack([np.cos(a), 0 * a, np.sin(a)], 1)
+        normal = np.cos(t)[:, None] * outward + np.sin(t)[:, None] * [0, 1, 0]
+        tube = -np.sin(t)[:, None] * outward + np.cos(t)[:, None] * [0, 1, 0]
+        turn = np.stack([-np.sin(a), 0 * a, np.cos(a)], 1)
+        view = eye - (big * outward + small * normal)
+        view /= np.linalg.norm(view, axis=1, keepdims=True)
+        u, v = (np.einsum("ij,ij->i", view, d) for d in (tube, turn))
+        return (u * u / small + v * v * np.cos(t) / (big + small * np.cos(t))) / (u * u + v * v), u, v
+
+    kr, u, v = radial(a, t)
+    sine = np.hypot(u, v)
+    assert np.allclose(np.abs(np.einsum("ij,ij->i", around, shape.normals)), 0)
+    h = 1e-5
+    da, dt = v / sine / (big + small * np.cos(t)) * h, u / sine / small * h
+    slope = (radial(a + da, t + dt)[0] - radial(a - da, t - dt)[0]) / (2 * h)
+    fields = ViewFields.of(surface, eye / surface.scale)
+    good = sine > 0.2
+    unit = surface.scale
+    assert np.allclose((fields.radial_curvature(surface) / unit)[good], (kr * sine**2)[good], atol=0.02)
+    found = fields.radial_derivative(surface) / unit**2
+    assert np.abs(found - slope * sine)[good].max() < 0.03 * np.abs(slope[good]).max()
+
+
+def test_the_derivative_tensor_is_contracted_whole():
+    surface = make_surface(*shapes.sphere(2))
+    tensor = np.random.default_rng(3).normal(size=surface.dcurv.shape)
+    view = ViewFields.of(replace(surface, dcurv=tensor), np.array([1.0, 2.0, 3.0]))
+    p, q, r, s = tensor.T
+    full = np.stack([p, q, q, r, q, r, r, s], 1).reshape(-1, 2, 2, 2)
+    w = np.stack([view.u, view.v], 1)
+    expected = np.einsum("vijk,vi,vj,vk->v", full, w, w, w) / (w * w).sum(axis=1)  # k1 = k2: nothing turns
+    assert np.allclose(view.radial_derivative(replace(surface, dcurv=tensor)), expected)
+
+
+def test_slopes_along_a_direction_are_foreshortened():
+    surface = make_surface(*shapes.plane(9))
+    value = surface.vertices @ [2.0, 1.0, 0.0]
+    direction = np.tile([1.0, 0.0, 0.0], (len(value), 1))
+    slope = lines._slope(surface, value, direction, np.full(len(value), -0.5), np.arange(len(surface.faces)))
+    inner = np.abs(surface.vertices).max(axis=1) < 0.49
+    assert np.allclose(slope[inner], 4.0)
+
+
+def test_flat_parts_have_no_suggestive_rims():
+    """Half flat, half rising: all of the flat half has kr = 0, which is no line."""
+    z = lambda x, y: 0.2 * np.maximum(x, 0) ** 2  # noqa: E731
+    shape = shapes.height_field(z, lambda x, y: (0 * x, 0 * x), lambda x, y: (0 * x, 0 * x, 0 * x), n=21)
+    surface = make_surface(*shape)
+    assert (surface.k1[shape.vertices[:, 0] < -0.2] == 0).all() and surface.k1.any()
+    curves = feature_curves(surface, camera((-1.5, 0.1, 1.5)), only("suggestive", suggestive=0.0))
+    assert not len(curves)
 
 
 def test_view_dependent_curvature():
@@ -236,14 +304,15 @@ def test_hollow_creases_are_no_contours():
     i, j = np.arange(6), (np.arange(6) + 1) % 6
     walls = np.vstack([np.stack([i, j, j + 6], 1), np.stack([i, j + 6, i + 6], 1)])
     surface = make_surface(points, np.vstack([lid[:, ::-1], lid + 6, walls]))
-    for eye in ((1.2, 2.5, 1.5), (2.5, 0.7, 1.5), (2.5, 2.5, 1.5)):
+    for eye, drawn in (((2.5, -0.3, 1.5), False), ((-0.3, 2.5, 1.5), False), ((2.5, 2.5, 1.5), True)):
         curves = feature_curves(surface, camera(eye), LineOptions())
         check(surface, curves)
-        middle = surface.original(curves.points(surface))
-        inner = np.isclose(middle[:, :2], 1).all(axis=1)
-        kinds = curves.kind[owner(curves.offsets)][inner]
-        along = [i for i in range(len(curves)) if inner[curves.offsets[i] : curves.offsets[i + 1]].sum() >= 2]
-        assert all(KINDS[curves.kind[i]] == "crease" for i in along) and len(kinds)
+        points = surface.original(curves.points(surface))
+        inner = np.isclose(points[:, :2], 1).all(axis=1)
+        both = inner[:-1] & inner[1:]
+        both[curves.offsets[1:-1] - 1] = False
+        along = np.searchsorted(curves.offsets, np.flatnonzero(both), side="right") - 1
+        assert [KINDS[curves.kind[i]] for i in along] == ["crease"] * drawn
 
 
 def test_a_one_sided_surface_has_no_crease_where_its_winding_ends():

@@ -81,6 +81,24 @@ def test_derivatives_on_a_torus():
     assert np.abs(found - expected).max() < 0.02 * np.abs(slope).max()
 
 
+def test_derivatives_of_a_cubic():
+    """z = -(2 x^2 + y^2) / 2 - (a x^3 + 3 b x^2 y + 3 c x y^2 + d y^3) / 6: at 0 the tensor is a, b, c, d."""
+    tensor = np.array([1.0, -2.0, 3.0, 1.5])
+    a, b, c, d = tensor
+    shape = shapes.height_field(
+        lambda x, y: -x * x - y * y / 2 - (a * x**3 + 3 * b * x * x * y + 3 * c * x * y * y + d * y**3) / 6,
+        lambda x, y: (-2 * x - (a * x * x + 2 * b * x * y + c * y * y) / 2,
+                      -y - (b * x * x + 2 * c * x * y + d * y * y) / 2),
+        lambda x, y: (-2 - a * x - b * y, -b * x - c * y, -1 - c * x - d * y),
+        size=0.2, n=41,
+    )  # fmt: skip
+    surface = make_surface(*shape)
+    middle = np.argmin(np.abs(shape.vertices[:, :2]).sum(axis=1))
+    found = surface.dcurv[middle] / surface.scale**2 * np.sign(surface.pdir1[middle, 0])
+    assert surface.k1[middle] / surface.scale == pytest.approx(2, rel=1e-2)
+    assert np.allclose(found, tensor, atol=0.05)
+
+
 def test_frames_are_orthonormal_and_right_handed():
     surface = make_surface(*shapes.torus())
     frame = np.stack([surface.pdir1, surface.pdir2, surface.normals], axis=1)
@@ -252,6 +270,9 @@ def test_a_surface_that_has_no_sides():
     surface = make_surface(*shapes.moebius())
     assert len(surface.faces) == len(shapes.moebius().faces)
     assert not surface.closed_faces.any()
+    # where no winding agrees the normals end, instead of cancelling
+    corner = surface.normals[surface.faces]
+    assert np.einsum("fci,fi->fc", corner, surface.face_normals).min() > 0.9
 
 
 def test_fins_and_touching_parts():

@@ -495,7 +495,7 @@ def _cut(points: np.ndarray, faces: np.ndarray, crease: float) -> tuple[np.ndarr
         sharp[sharp] = np.linalg.norm(high[chain] - low[chain], axis=1) >= SHORT_CREASE
     if crease < 180.0:
         tip = _tips(points, faces, edges, normal, np.cos(np.radians(crease)))
-        tip[edges[inner[sharp]]] = False  # cut as it is
+        tip[edges[inner[sharp | clash]]] = False  # cut as it is
         sharp |= tip[edges[inner]].any(axis=1)
     if not (sharp.any() or clash.any() or (uses > 2).any()):
         return faces, np.arange(count)
