@@ -183,6 +183,9 @@ class Group(click.Group):
         except BrokenPipeError:
             sys.stderr.close()  # the reader of a pipe went away: not an error of ours
             ctx.exit(1)
+        except KeyboardInterrupt as error:
+            say(f"strokestyle: {error or 'interrupted'}", level=-1)
+            ctx.exit(130)
         except (ValueError, OSError, MemoryError) as error:
             say(f"strokestyle: {describe(error)}", level=-1)
             ctx.exit(1)
@@ -259,7 +262,8 @@ Examples:
   strokestyle fit drawing.png shape.obj
   strokestyle fit drawing.png shape.obj -o charcoal.pt --preset quick
   strokestyle fit scan.jpg shape.obj --camera camera.json --curves curves.json
-  strokestyle fit drawing.png view.npz --preset paper --device cuda"""
+  strokestyle fit drawing.png view.npz --preset paper --device cuda
+  strokestyle fit drawing.png view.npz --preset paper --minutes 30 --resume"""
 )
 @click.argument("drawing", type=click.Path())
 @click.argument("shape", type=click.Path())
@@ -278,12 +282,25 @@ Examples:
     show_default=True,
     help="quick: half a minute; standard: a few minutes; paper: the paper's networks and schedule, for a GPU.",
 )
+@click.option(
+    "--minutes",
+    type=click.FloatRange(0.1, 60 * 24 * 30),
+    metavar="M",
+    help="Take as many steps as this machine does in M minutes (paper: at most its schedule), learning rate brought "
+    "down within them. How many differs from run to run, and so does the model.",
+)
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on from OUT.pt.checkpoint, which an interrupted fit leaves; without one, start from the beginning. Ends "
+    "with the model of a fit that was not interrupted.",
+)
 @seed_option
 @device_option
 @view_options
 @line_options
 @common_options
-def fit(drawing, shape, output, preset, seed, device, **options):
+def fit(drawing, shape, output, preset, minutes, resume, seed, device, **options):
     """Learn a style from DRAWING, an artist's drawing of SHAPE.
 
     The drawing (PNG, JPEG, TIFF) is one made over the sheet of `strokestyle extract`, with the same view and line
@@ -302,16 +319,36 @@ def fit(drawing, shape, output, preset, seed, device, **options):
         exemplar, note = load_exemplar(drawing, view.camera.width, view.camera.height, view.curves.xy)
     if note:
         say(f"{drawing}: {note}")
+    from .checkpoint import Checkpoint
     from .fit import PRESETS, fit_sheet
     from .fit import fit as fit_style
     from .style import save_style
 
+    checkpoint = Checkpoint(f"{output}.checkpoint", resume=resume)
+    if resume and not checkpoint.path.exists():
+        say(f"{checkpoint.path}: no checkpoint there; starting from the beginning")
+    elif resume and minutes:
+        say(f"{checkpoint.path}: going on with the steps chosen then, not with --minutes {minutes:g}")
+    elif not resume and checkpoint.path.exists():
+        say(f"{checkpoint.path}: left by an interrupted fit, to be replaced; --resume would go on from it")
     started = time.perf_counter()
-    with Progress() as progress:
-        style = fit_style(
-            view, exemplar, PRESETS[preset], seed=seed, device=device, progress=progress, source=Path(drawing).name
-        )
+    try:
+        with Progress() as progress:
+            style = fit_style(
+                view,
+                exemplar,
+                PRESETS[preset],
+                seed=seed,
+                device=device,
+                progress=progress,
+                source=Path(drawing).name,
+                checkpoint=checkpoint,
+                minutes=minutes,
+            )
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("interrupted; go on with --resume") from None
     save_style(output, style)
+    checkpoint.remove()
     _write_png(sheet, fit_sheet(view, exemplar, style))
     say(f"{drawing}: learned in {time.perf_counter() - started:.0f} s -> {output}, {sheet}")
 

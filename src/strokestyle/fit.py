@@ -18,6 +18,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from . import __version__
+from .checkpoint import Checkpoint, digest
 from .exemplar import Exemplar
 from .model import AdditiveNet
 from .paper import PaperStyle
@@ -69,6 +70,11 @@ class FitConfig:
     style: StyleConfig = field(default_factory=StyleConfig)
 
 
+TRACE_STEPS = 40, 3000  # the fewest and the most that a budget of time buys
+TRACED = 0.8  # of what is left of a budget goes into them; thickness and texture are still to come
+BETWEEN = 0.2  # s, two calls of the progress callback
+
+
 PRESETS = {
     "quick": FitConfig("quick", trace_steps=100),
     "standard": FitConfig("standard", steps=300, trace_steps=300),
@@ -96,6 +102,8 @@ def fit(
     device: str = "auto",
     progress: Callable[[Progress], None] | None = None,
     source: str = "",
+    checkpoint: Checkpoint | None = None,
+    minutes: float | None = None,
 ) -> Style | PaperStyle:
     """Learn the style of one drawing.
 
@@ -108,12 +116,19 @@ def fit(
     device : "auto", "cpu" or "cuda"
     progress : called now and then
     source : the drawing's name, kept in the model
+    checkpoint : where to keep the state of the fit, and whether to go on from it; the caller removes it afterwards
+    minutes : choose as many steps as this machine can do in that time, so that the result depends on its speed; where
+        a checkpoint is gone on from, what was chosen then holds
 
     Raises
     ------
     ValueError
-        where drawing and view differ in size, or there are no strokes to learn from.
+        where drawing and view differ in size, or there are no strokes to learn from, or the checkpoint is damaged or
+        that of another fit.
+    KeyboardInterrupt
+        on Ctrl-C, after the checkpoint is written.
     """
+    until = None if minutes is None else time.monotonic() + 60.0 * minutes
     size = (view.camera.height, view.camera.width)
     if exemplar.mask.shape != size:
         raise ValueError(f"the drawing is {exemplar.mask.shape[::-1]} px, the view {size[::-1]}: resample the drawing")
@@ -121,9 +136,11 @@ def fit(
         raise ValueError("no strokes in this drawing: nothing to learn from")
     about = {"strokestyle": __version__, "preset": config.preset, "seed": seed, "exemplar": source}
     device = pick_device(device)
+    checkpoint = checkpoint or Checkpoint()
+    checkpoint.begin(_key(view, exemplar, config, seed))
     if isinstance(config, PaperConfig):
-        total = round(config.schedule * (config.geometry_steps + config.texture_steps))
-        return fit_paper(view, exemplar, config, seed, device, _Reporter(progress, total), about)
+        report = _Reporter(progress, config.geometry_steps + config.texture_steps)
+        return fit_paper(view, exemplar, config, seed, device, report, about, checkpoint, until)
     style_config = replace(config.style, size=max(size))
     planned = plan(view, style_config)
     if not len(planned):
@@ -142,7 +159,13 @@ def fit(
     with torch.no_grad():
         meant, swell = place(frame, moves), network(features)
         swell[~frame.within] = float(np.log(HAIR))  # strokes may grow past their ends, where the drawing has it
-    traced = trace(frame, meant, swell, target, config, report)
+
+    def affordable() -> int:
+        return config.trace_steps if until is None else trace_steps(frame, meant, swell, target, config, until)
+
+    config = replace(config, trace_steps=checkpoint.chosen("trace_steps", affordable))
+    report.total = 2 * config.steps + config.trace_steps
+    traced = trace(frame, meant, swell, target, config, report, checkpoint)
     found, sure = traced.guess(frame, guess, sample(exemplar.mask, planned.xy))
     moves = learn_moves(frame, found)
     network = learn_thickness(features, found, config, style_config, seed, report)
@@ -317,7 +340,15 @@ class Traced:
         return Guess(offset, thickness, np.where(past, np.where(told, 0.7, 0.05), np.where(sure, 1.0, 0.2))), sure
 
 
-def trace(frame: Frame, meant: Tensor, swell: Tensor, target: Target, config: FitConfig, report: _Reporter) -> Traced:
+def trace(
+    frame: Frame,
+    meant: Tensor,
+    swell: Tensor,
+    target: Target,
+    config: FitConfig,
+    report: _Reporter,
+    checkpoint: Checkpoint,
+) -> Traced:
     """Move every point of the strokes to where the drawing has them, through the rasteriser, and swell them there."""
     across = torch.zeros_like(swell, requires_grad=True)
     change = torch.zeros_like(swell, requires_grad=True)
@@ -332,24 +363,41 @@ def trace(frame: Frame, meant: Tensor, swell: Tensor, target: Target, config: Fi
     def strokes() -> Traced:
         return Traced(meant + across[:, None] * frame.across, swell + change)
 
-    for step in range(config.trace_steps):
-        optimiser.zero_grad(set_to_none=True)
-        drawn = strokes()
-        thickness = thickness_of(drawn.swell)
-        mask = target.loss(drawn.xy, thickness, frame.offsets)
-        curl = across[2:] - 2 * across[1:-1] + across[:-2]
-        ripple = change[2:] - 2 * change[1:-1] + change[:-2]
-        rough = curl[bend].square().mean() + 4 * ripple[bend].square().mean()
-        far = across.square().mean() + change.square().mean()
-        # a stroke runs on past its end only where the mask asks for it
-        idle = thickness[beyond].clamp(min=0).sum() / len(thickness)
-        loss = mask + config.roughness * rough + 0.005 * far + 0.02 * idle
-        loss.backward()
-        optimiser.step()
-        schedule.step()
-        report("trace", step + 1, config.trace_steps, {"mask": mask})
+    learned, training = {"across": across, "change": change}, {"optimiser": optimiser, "schedule": schedule}
+    with checkpoint.watch("trace", config.trace_steps, learned, training) as (remaining, passed):
+        for step in remaining:
+            optimiser.zero_grad(set_to_none=True)
+            drawn = strokes()
+            thickness = thickness_of(drawn.swell)
+            mask = target.loss(drawn.xy, thickness, frame.offsets)
+            curl = across[2:] - 2 * across[1:-1] + across[:-2]
+            ripple = change[2:] - 2 * change[1:-1] + change[:-2]
+            rough = curl[bend].square().mean() + 4 * ripple[bend].square().mean()
+            far = across.square().mean() + change.square().mean()
+            # a stroke runs on past its end only where the mask asks for it
+            idle = thickness[beyond].clamp(min=0).sum() / len(thickness)
+            loss = mask + config.roughness * rough + 0.005 * far + 0.02 * idle
+            loss.backward()
+            optimiser.step()
+            schedule.step()
+            passed()
+            report("trace", step, config.trace_steps, {"mask": mask})
     with torch.no_grad():
         return strokes()
+
+
+def trace_steps(frame: Frame, meant: Tensor, swell: Tensor, target: Target, config: FitConfig, until: float) -> int:
+    """How many steps of `trace` fit in the time until then, on the clock of time.monotonic(), with what follows."""
+    clock = []
+
+    def tick(*_) -> None:
+        if swell.device.type == "cuda":
+            torch.cuda.synchronize(swell.device)
+        clock.append(time.monotonic())
+
+    trace(frame, meant, swell, target, replace(config, trace_steps=6), tick, Checkpoint())
+    each = (clock[-1] - clock[0]) / (len(clock) - 1)  # the first step also warms up
+    return int(np.clip(TRACED * (until - clock[-1]) / each, *TRACE_STEPS))
 
 
 def _neighbours(offsets: Tensor) -> Tensor:
@@ -410,19 +458,37 @@ def _on_white(drawing: Drawing) -> np.ndarray:
     return rasterise(drawing, 1.0, (1.0, 1.0, 1.0)).astype(np.float32) / 255.0
 
 
+def _key(view: View, exemplar: Exemplar, config: FitConfig | PaperConfig, seed: int) -> dict[str, str]:
+    """What a checkpoint must have in common with a fit that is to go on from it."""
+    curves, maps = view.curves, view.maps
+    return {
+        "strokestyle": __version__,
+        "preset": config.preset,
+        "seed": str(seed),
+        "drawing": digest(exemplar.rgb, exemplar.alpha, exemplar.ink, exemplar.mask),
+        "shape, view or lines": digest(
+            *(curves.xy, curves.offsets, curves.kind, curves.closed, maps.values, maps.covered, maps.scale)
+        ),
+        "setting of the preset": repr(config),
+    }
+
+
 class _Reporter:
     """Calls the user's callback a few times a second, with a guess of the time left."""
 
     def __init__(self, callback, total: int):
         self.callback, self.total = callback, total
         self.start = self.last = time.monotonic()
-        self.passed = 0
+        self.passed, self.stage = 0, ""
 
     def __call__(self, stage: str, step: int, steps: int, losses: dict) -> None:
         if self.callback is None:
             return
+        if stage != self.stage and step > 1:  # the first steps were done before an interruption
+            self.passed, self.total = self.passed - (step - 1), self.total - (step - 1)
+        self.stage = stage
         now = time.monotonic()
-        if step < steps and now - self.last < 0.2:
+        if step < steps and now - self.last < BETWEEN:
             return
         self.last = now
         if step >= steps:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import copy
+import time
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from .checkpoint import Checkpoint
 from .exemplar import Exemplar
 from .model import PatchDiscriminator, PathNet, SurfaceNet, TextureNet
 from .paper import PaperStyle, curve_features, padded, stroke_geometry, view_maps
 from .raster import coverage
 from .view import View
 
+SPENT = 0.95  # of a budget goes into steps; the rest is for what they are not: checkpoints, writing
 CENTRE = 30 / 64  # of a patch's side: where it must hold a stroke pixel (the code)
 JUDGED = 36  # px: patches with no stroke in this centre do not count in the adversarial losses (the code)
 
@@ -50,14 +54,28 @@ class PaperConfig:
     schedule: float = 1.0
 
 
-Report = Callable[[str, int, int, dict], None]
+class Report(Protocol):
+    """Called with stage, step, steps and losses; `total` steps are to come, for a guess of the time left."""
+
+    total: int
+
+    def __call__(self, stage: str, step: int, steps: int, losses: dict) -> None: ...
 
 
 def fit_paper(
-    view: View, exemplar: Exemplar, config: PaperConfig, seed: int, device: torch.device, report: Report, about: dict
+    view: View,
+    exemplar: Exemplar,
+    config: PaperConfig,
+    seed: int,
+    device: torch.device,
+    report: Report,
+    about: dict,
+    checkpoint: Checkpoint,
+    until: float | None = None,
 ) -> PaperStyle:
     """Train the three networks on one drawing. Same seed, same machine, same weights.
 
+    `until`, on the clock of time.monotonic(), shortens both stages alike, the fall of their rates with them.
     Raises ValueError where no patch of the view holds a stroke.
     """
     with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
@@ -70,20 +88,65 @@ def fit_paper(
     maps, points = view_maps(view).to(device), curve_features(view).to(device)
     offsets = torch.tensor(view.curves.offsets, device=device)
     mask = torch.tensor(1.0 - exemplar.mask, device=device)
-    _train_geometry(surface, path, maps, points, view, mask, config, rng, report)
+    rgb = torch.tensor(exemplar.rgb, device=device).permute(2, 0, 1)[None]
+
+    def geometry(surface, path, config, rng, report, checkpoint) -> None:
+        _train_geometry(surface, path, maps, points, view, mask, config, rng, report, checkpoint)
+
+    def textured(texture, judge, drawn, config, rng, report, checkpoint) -> None:
+        # the texture stage sees the geometry stage's own strokes, not the artist's mask (code)
+        shown = torch.cat([maps[:, :-1], drawn[None, None]], dim=1)
+        _train_texture(texture, judge, shown, rgb, view, config, rng, report, checkpoint)
+
+    def affordable() -> float:
+        if until is None:
+            return config.schedule
+        trials = (
+            (config.geometry_steps, lambda *rest: geometry(copy.deepcopy(surface), copy.deepcopy(path), *rest)),
+            (config.texture_steps, lambda *rest: textured(copy.deepcopy(texture), copy.deepcopy(judge), mask, *rest)),
+        )
+        start = time.monotonic()
+        needed = sum(
+            steps * _seconds_a_step(train, view, config, device, 0.05 * (until - start)) for steps, train in trials
+        )
+        return min(config.schedule, max(0.0, SPENT * (until - time.monotonic()) / needed))
+
+    config = replace(config, schedule=checkpoint.chosen("schedule", affordable))
+    stages = {"geometry": config.geometry_steps, "texture": config.texture_steps}
+    known = {name: (checkpoint.load(name) or {"step": 0})["step"] for name in stages}
+    every = {name: max(1, round(steps * config.schedule)) for name, steps in stages.items()}
+    report.total = sum(steps for name, steps in every.items() if known[name] < steps)  # those over are not called
+    geometry(surface, path, config, rng, report, checkpoint)
     with torch.no_grad():
         xy, thickness = stroke_geometry(path, padded(surface, maps), points, offsets)
         drawn = 1.0 - coverage(xy, thickness, offsets, *maps.shape[2:])
-    rgb = torch.tensor(exemplar.rgb, device=device).permute(2, 0, 1)[None]
-    # the texture stage sees the geometry stage's own strokes, not the artist's mask (code)
-    shown = torch.cat([maps[:, :-1], drawn[None, None]], dim=1)
-    _train_texture(texture, judge, shown, rgb, view, config, rng, report)
+    textured(texture, judge, drawn, config, rng, report, checkpoint)
     for network in (surface, path, texture):
         network.eval()
     return PaperStyle(surface, path, texture, about)
 
 
-def _train_geometry(surface, path, maps, points, view, mask, config, rng, report) -> None:
+def _seconds_a_step(train, view: View, config: PaperConfig, device: torch.device, most: float) -> float:
+    """Mean over the patch sizes of one step's time, on copies. After `most` seconds larger patches are guessed."""
+    start, each, sizes = time.monotonic(), [], _sizes(view, config)
+    for i, size in enumerate(sizes):
+        if each and time.monotonic() - start > most:
+            each.append(each[-1] * (size / sizes[i - 1]) ** 2)
+            continue
+        clock = []
+
+        def tick(*_, clock=clock) -> None:
+            if device.type == "cuda":
+                torch.cuda.synchronize(device)
+            clock.append(time.monotonic())
+
+        few = replace(config, patches=(size,), geometry_steps=3, texture_steps=3, schedule=1.0)
+        train(few, np.random.default_rng(0), tick, Checkpoint())
+        each.append((clock[-1] - clock[0]) / (len(clock) - 1))  # the first step also warms up
+    return float(np.mean(each))
+
+
+def _train_geometry(surface, path, maps, points, view, mask, config, rng, report, checkpoint) -> None:
     """L_b + lambda_s L_s (eqs. 2 and 3)."""
     parameters = [*surface.parameters(), *path.parameters()]
     optimiser = torch.optim.Adam(parameters, config.rate, betas=(0.0, 0.99))
@@ -91,27 +154,31 @@ def _train_geometry(surface, path, maps, points, view, mask, config, rng, report
     corners = {size: _corners(view, size) for size in _sizes(view, config)}
     curve = torch.repeat_interleave(torch.arange(len(view.curves)), torch.tensor(np.diff(view.curves.offsets)))
     xy, curve = view.curves.xy, curve.numpy()
-    for step in range(1, steps + 1):
-        size = int(rng.choice(list(corners)))
-        at = corners[size][rng.integers(len(corners[size]), size=config.batch)]  # (B, 2) x, y
-        patch = _crop(maps[0], at, size)
-        rows, cuts, image = cut_curves(xy, curve, at, size)
-        local = points[rows] - F.pad(torch.tensor(at, dtype=points.dtype, device=points.device)[image], (0, 5))
-        cuts = torch.tensor(cuts, device=points.device)
-        image = torch.tensor(image, device=points.device)
-        moved, thickness = stroke_geometry(path, surface(patch), local, cuts, image)
-        drawn = 1.0 - coverage(moved, thickness, cuts, size, size, image[cuts[:-1]], config.batch)
-        fidelity = F.l1_loss(drawn, _crop(mask[None], at, size)[:, 0])
-        smooth = _smoothness(moved - local[:, :2], cuts)
-        loss = fidelity + config.smoothness * smooth
-        optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        optimiser.step()
-        schedule.step()
-        report("geometry", step, steps, {"mask": fidelity, "smooth": smooth})
+    learned = {"surface": surface, "path": path}
+    training = {"optimiser": optimiser, "schedule": schedule}
+    with checkpoint.watch("geometry", steps, learned, training, rng) as (remaining, passed):
+        for step in remaining:
+            size = int(rng.choice(list(corners)))
+            at = corners[size][rng.integers(len(corners[size]), size=config.batch)]  # (B, 2) x, y
+            patch = _crop(maps[0], at, size)
+            rows, cuts, image = cut_curves(xy, curve, at, size)
+            local = points[rows] - F.pad(torch.tensor(at, dtype=points.dtype, device=points.device)[image], (0, 5))
+            cuts = torch.tensor(cuts, device=points.device)
+            image = torch.tensor(image, device=points.device)
+            moved, thickness = stroke_geometry(path, surface(patch), local, cuts, image)
+            drawn = 1.0 - coverage(moved, thickness, cuts, size, size, image[cuts[:-1]], config.batch)
+            fidelity = F.l1_loss(drawn, _crop(mask[None], at, size)[:, 0])
+            smooth = _smoothness(moved - local[:, :2], cuts)
+            loss = fidelity + config.smoothness * smooth
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()
+            optimiser.step()
+            schedule.step()
+            passed()
+            report("geometry", step, steps, {"mask": fidelity, "smooth": smooth})
 
 
-def _train_texture(texture, judge, shown, rgb, view, config, rng, report) -> None:
+def _train_texture(texture, judge, shown, rgb, view, config, rng, report, checkpoint) -> None:
     """L_t + lambda_a L_a (eqs. 4 and 5) with LSGAN, on patches turned by a random angle."""
     draw = torch.optim.Adam(texture.parameters(), config.rate, betas=(0.5, 0.999))
     tell = torch.optim.Adam(judge.parameters(), config.rate, betas=(0.5, 0.999))
@@ -119,28 +186,32 @@ def _train_texture(texture, judge, shown, rgb, view, config, rng, report) -> Non
     _, tell_schedule = _schedule(tell, config.texture_steps, config.texture_decay, config.schedule)
     corners = {size: _corners(view, size) for size in _sizes(view, config)}
     both = torch.cat([shown, rgb], dim=1)
-    for step in range(1, steps + 1):
-        size = int(rng.choice(list(corners)))
-        pick = corners[size][rng.integers(len(corners[size]), size=2 * config.batch)]
-        turned = _turned(both, pick, size, rng.uniform(0, 2 * np.pi, len(pick)))
-        seen, real = turned[: config.batch], turned[config.batch :, shown.shape[1] :]
-        seen, wanted = seen[:, : shown.shape[1]], seen[:, shown.shape[1] :]
-        fake = texture(seen)
-        mine, theirs = _held(seen[:, -1]), _held(real.min(dim=1).values)
-        told = 0.5 * (_lsgan(judge(fake.detach()), 0.0, mine) + _lsgan(judge(real), 1.0, theirs))
-        tell.zero_grad(set_to_none=True)
-        told.backward()
-        tell.step()
-        color = F.l1_loss(fake, wanted)
-        blurred = F.l1_loss(_blur(fake), _blur(wanted))
-        fooled = _lsgan(judge(fake), 1.0, mine)
-        loss = config.color * color + config.blurred * blurred + config.adversarial * fooled
-        draw.zero_grad(set_to_none=True)
-        loss.backward()
-        draw.step()
-        draw_schedule.step()
-        tell_schedule.step()
-        report("texture", step, steps, {"color": color, "fooled": fooled, "told": told})
+    learned = {"texture": texture, "judge": judge}
+    training = {"draw": draw, "tell": tell, "draw_schedule": draw_schedule, "tell_schedule": tell_schedule}
+    with checkpoint.watch("texture", steps, learned, training, rng) as (remaining, passed):
+        for step in remaining:
+            size = int(rng.choice(list(corners)))
+            pick = corners[size][rng.integers(len(corners[size]), size=2 * config.batch)]
+            turned = _turned(both, pick, size, rng.uniform(0, 2 * np.pi, len(pick)))
+            seen, real = turned[: config.batch], turned[config.batch :, shown.shape[1] :]
+            seen, wanted = seen[:, : shown.shape[1]], seen[:, shown.shape[1] :]
+            fake = texture(seen)
+            mine, theirs = _held(seen[:, -1]), _held(real.min(dim=1).values)
+            told = 0.5 * (_lsgan(judge(fake.detach()), 0.0, mine) + _lsgan(judge(real), 1.0, theirs))
+            tell.zero_grad(set_to_none=True)
+            told.backward()
+            tell.step()
+            color = F.l1_loss(fake, wanted)
+            blurred = F.l1_loss(_blur(fake), _blur(wanted))
+            fooled = _lsgan(judge(fake), 1.0, mine)
+            loss = config.color * color + config.blurred * blurred + config.adversarial * fooled
+            draw.zero_grad(set_to_none=True)
+            loss.backward()
+            draw.step()
+            draw_schedule.step()
+            tell_schedule.step()
+            passed()
+            report("texture", step, steps, {"color": color, "fooled": fooled, "told": told})
 
 
 # --------------------------------------------------------------------------------------------------------- patches
