@@ -6,14 +6,14 @@ crosses zero; they are then chained across faces into the longest polylines. Con
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
 
 from .camera import Camera
 from .curves import KINDS, check_offsets, take_ragged
-from .surface import Surface, differential_geometry
+from .surface import Surface
 
 SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")  # read off curvature, so that noise of the mesh tells
 SURFACE_KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent")
@@ -190,10 +190,8 @@ def smoothed(surface: Surface, length: float) -> Surface:
     """The surface with normals and curvatures smoothed over `length`, in longest sides; its vertices stay."""
     if not length > 0.0:
         return surface
-    names = ("normals", "k1", "k2", "pdir1", "pdir2", "dcurv", "feature_size")
-    edges = min(length / surface.mean_edge, MOST_SMOOTH)
-    values = differential_geometry(surface.vertices, surface.faces, edges)
-    return replace(surface, **dict(zip(names, values, strict=True)))
+    surface.closed_faces, surface.cut_edges, surface.face_normals  # noqa: B018  worked out here once for both
+    return surface.smoothed(min(length / surface.mean_edge, MOST_SMOOTH))
 
 
 @lru_cache(maxsize=4)

@@ -7,7 +7,7 @@ import io
 import logging
 import re
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -180,6 +180,15 @@ class Surface:
         closed = np.ones(len(self.vertices), bool)
         closed[self.faces[~self.closed_faces]] = False
         return closed
+
+    def smoothed(self, edges: float) -> Surface:
+        """The same mesh with normals and curvatures smoothed over `edges` mean edge lengths; its vertices stay."""
+        names = ("normals", "k1", "k2", "pdir1", "pdir2", "dcurv", "feature_size")
+        values = differential_geometry(self.vertices, self.faces, edges)
+        other = replace(self, **dict(zip(names, values, strict=True)))
+        shape_only = {name for name, value in vars(type(self)).items() if isinstance(value, cached_property)}
+        other.__dict__.update({name: value for name, value in self.__dict__.items() if name in shape_only})
+        return other
 
     def original(self, points: np.ndarray) -> np.ndarray:
         """Points (N, 3) of this surface -> the coordinates of the file it came from."""
