@@ -43,6 +43,9 @@ from .texture import learn_texture
 from .view import View
 
 
+STRAY_SIGMAS = (7.0, 14.0)  # px; straying across and in thickness is kept where it is faster than these Gaussians
+
+
 @dataclass(frozen=True)
 class FitConfig:
     """How to learn. Where no source is named, a value was measured on drawings of shapes of the project's own.
@@ -170,7 +173,9 @@ def fit(
     moves = learn_moves(frame, found)
     network = learn_thickness(features, found, config, style_config, seed, report)
     with torch.no_grad():
-        hand = _hand(frame, planned, traced, sure, place(frame, moves), network(features), config.stray)
+        hand = _hand(
+            frame, planned, traced, sure, place(frame, moves), network(features), config.stray, style_config.spacing
+        )
     style = Style(
         config=style_config,
         network=network.eval(),
@@ -408,7 +413,14 @@ def _neighbours(offsets: Tensor) -> Tensor:
 
 
 def _hand(
-    frame: Frame, planned: Planned, traced: Traced, sure: np.ndarray, meant: Tensor, swell: Tensor, amount: float
+    frame: Frame,
+    planned: Planned,
+    traced: Traced,
+    sure: np.ndarray,
+    meant: Tensor,
+    swell: Tensor,
+    amount: float,
+    spacing: float,
 ) -> Hand | None:
     """What the traced strokes do that the style did not mean, within the curves; bridged where they are not sure."""
     across = ((traced.xy - meant) * frame.across).sum(1)
@@ -419,7 +431,11 @@ def _hand(
         known = inner[sure[inner]]
         if len(known) >= max(4, 0.4 * len(inner)):
             inner = inner[(inner >= known[0]) & (inner <= known[-1])]
-            pieces.append(np.stack([np.interp(inner, known, stray[known, k]) for k in (0, 1)], axis=1))
+            piece = np.stack([np.interp(inner, known, stray[known, k]) for k in (0, 1)], axis=1)
+            # slow straying cannot be told from what this style failed to learn, and would only spoil the shape
+            for k, sigma in enumerate(STRAY_SIGMAS):
+                piece[:, k] -= ndimage.gaussian_filter1d(piece[:, k], sigma / spacing, mode="nearest")
+            pieces.append(piece)
     if amount == 0 or not pieces:
         return None
     return Hand(np.concatenate(pieces).astype(np.float32), np.r_[0, np.cumsum([len(p) for p in pieces])])

@@ -36,7 +36,7 @@ FEATURES = (
     *(f"start_{n:.0f}" for n in ENDS), *(f"end_{n:.0f}" for n in ENDS),
     "before", "after", "past_start", "past_end", "along", "log_length",
     *(f"bend_{n:.0f}" for n, _ in BENDS), *(f"turn_{n:.0f}" for n, _ in BENDS),
-    "depth", "n_dot_v", "view_curvature", "normal_x", "normal_y", "height", "tangent_x", "tangent_y", "prominence",
+    "depth", "n_dot_v", "view_curvature", "facing_x", "facing_y", "height", "tangent_x", "tangent_y", "prominence",
 )  # fmt: skip
 SMOOTHINGS = (3.0, 6.0, 12.0, 24.0)  # px, Gaussian scales by which the hand may round a curve off
 CUTS = (3.0, 6.0, 12.0)  # px, tolerances with which it may cut a curve straight
@@ -162,8 +162,8 @@ def point_features(view: View, planned: Planned, config: StyleConfig) -> np.ndar
     and those of the stroke's making; surface features as in the paper, read where the curve lies."""
     if not len(planned):
         return np.zeros((0, len(FEATURES)))
-    names = ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")
-    maps = planned.carry(np.asarray(view.at_curves(names), np.float64))
+    maps = planned.carry(surface_at(view, ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")))
+    maps = along_strokes(maps, planned.offsets, 6.0, config.spacing)
     which, within = owner(planned.offsets), planned.beyond == 0
     along = arc_length(planned.xy, planned.offsets)
     begin = np.full(len(planned), np.inf)
@@ -188,7 +188,7 @@ def point_features(view: View, planned: Planned, config: StyleConfig) -> np.ndar
     depth = maps[:, 0]
     near, far = np.percentile(depth[within], [3, 97])
     columns += [np.clip((depth - near) / max(far - near, 1e-6), 0, 1), maps[:, 1], maps[:, 2]]
-    columns += list(along_strokes(maps[:, 3:], planned.offsets, 4.0, config.spacing).T)
+    columns += list((maps[:, 3:] / np.sqrt((maps[:, 3:] ** 2).sum(axis=1, keepdims=True) + 0.04)).T)
     y = planned.xy[:, 1]
     top, bottom = y[within].min(), y[within].max()
     columns += [np.clip((y - top) / max(bottom - top, 1e-6), 0, 1)]
@@ -196,6 +196,13 @@ def point_features(view: View, planned: Planned, config: StyleConfig) -> np.ndar
     columns += list(tangents(smooth, planned.offsets).T)
     columns += [np.array([PROMINENCE[kind] for kind in KINDS])[planned.kind][which]]
     return np.stack(columns, axis=1)
+
+
+def surface_at(view: View, names: tuple[str, ...]) -> np.ndarray:
+    """Maps at the curves' points (M, len(names)), the mean of both sides: a crease has two normals."""
+    t = tangents(view.curves.xy, view.curves.offsets, view.curves.closed)
+    across = 1.5 * np.stack([-t[:, 1], t[:, 0]], axis=1)
+    return np.mean([view.at_curves(names, view.curves.xy + k * across) for k in (-1, 0, 1)], axis=0, dtype=np.float64)
 
 
 def along_strokes(
@@ -244,7 +251,7 @@ class Frame:
     def of(cls, planned: Planned, view: View, spacing: float = 3.0) -> Frame:
         smooth = along_strokes(planned.xy, planned.offsets, 4.0, spacing, pin=True)
         t = tangents(smooth, planned.offsets)
-        normals = planned.carry(np.asarray(view.at_curves(("normal_x", "normal_y")), np.float64))
+        normals = planned.carry(surface_at(view, ("normal_x", "normal_y")))
         parts = [(t, np.float32), (np.stack([-t[:, 1], t[:, 0]], axis=1), np.float32)]
         moves = moves_of(planned, normals, spacing)
         return cls(
