@@ -71,12 +71,17 @@ def test_help_does_not_import_torch():
 def test_what_help_says_is_what_the_library_does():
     from strokestyle.camera import DEFAULT_FOV, DEFAULT_SIZE, NAMED_VIEWS
     from strokestyle.curves import DEFAULT_SPACING
+    from strokestyle.feature_curves import LineOptions
     from strokestyle.fit import PRESETS
 
     assert cli.VIEWS.split(", ") == list(NAMED_VIEWS)
     assert set(cli.KIND_NAMES) <= set(KINDS)
     assert set(cli.PRESET_NAMES) == set(PRESETS)
     assert (DEFAULT_FOV, DEFAULT_SIZE, DEFAULT_SPACING) == (30, 768, 3)
+    assert LineOptions().kinds == tuple(kind for kind in cli.KIND_NAMES if kind != "apparent")
+    for option in cli.extract.params:
+        if option.name in ("crease", "suggestive", "ridge", "valley", "apparent"):
+            assert option.help.endswith(f"[default: {getattr(LineOptions(), option.name):g}]")
 
 
 @pytest.mark.parametrize(

@@ -137,15 +137,27 @@ view_options = _options(
 )
 
 line_options = _options(
-    click.option("--lines", type=Kinds(), help="Kinds of line to draw: " + ", ".join(KIND_NAMES) + ", or all."),
-    click.option("--crease", type=click.FloatRange(1, 180), help="Dihedral angle of a crease, degrees."),
     click.option(
-        "--suggestive", type=click.FloatRange(0), help="Threshold of suggestive contours, in units of the feature size."
+        "--lines",
+        type=Kinds(),
+        help="Kinds of line to draw: " + ", ".join(KIND_NAMES) + ", or all.  [default: all but apparent]",
     ),
-    click.option("--ridge", type=click.FloatRange(0), help="Threshold of ridges, in units of the feature size."),
-    click.option("--valley", type=click.FloatRange(0), help="Threshold of valleys, in units of the feature size."),
+    click.option("--crease", type=click.FloatRange(1, 180), help="Dihedral angle of a crease, degrees.  [default: 40]"),
     click.option(
-        "--apparent", type=click.FloatRange(0), help="Threshold of apparent ridges, in units of the feature size."
+        "--suggestive",
+        type=click.FloatRange(0),
+        help="Threshold of suggestive contours, in units of the feature size.  [default: 0.01]",
+    ),
+    click.option(
+        "--ridge", type=click.FloatRange(0), help="Threshold of ridges, in units of the feature size.  [default: 0.5]"
+    ),
+    click.option(
+        "--valley", type=click.FloatRange(0), help="Threshold of valleys, in units of the feature size.  [default: 0.1]"
+    ),
+    click.option(
+        "--apparent",
+        type=click.FloatRange(0),
+        help="Threshold of apparent ridges, in units of the feature size.  [default: 0.1]",
     ),
     click.option(
         "--spacing", type=click.FloatRange(0.5, 50), help="Distance of the curves' points, pixels.  [default: 3]"
