@@ -235,6 +235,17 @@ def test_what_is_no_surface_goes():
     assert len(needle.faces) == len(shape.faces)
 
 
+def test_thin_faces_make_no_creases():
+    """A flat strip meets two halves in a T-junction closed by a face of three points in a row, rounded or exact."""
+    for bump in (0.0, 1e-6, -1e-6):
+        points = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [1, 0, bump], [0, -1, 0], [2, -1, 0]], float)
+        faces = [[0, 1, 2], [0, 2, 3], [0, 4, 1], [0, 5, 4], [4, 5, 6], [4, 6, 1]]
+        surface = make_surface(points, faces)
+        assert len(surface.faces) == 6 and (surface.edge_face_count == 1).sum() == 6
+        assert np.allclose(np.abs(surface.face_normals[:, 2]), 1, atol=1e-5)
+        assert len(surface.vertices) == 7 and np.allclose(surface.normals[:, 2], surface.normals[0, 2], atol=1e-5)
+
+
 def test_winding_is_unified_and_outward():
     shape = shapes.torus(1, 0.4, 24, 16)
     rng = np.random.default_rng(7)

@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 DEFAULT_CREASE = 40.0  # degrees between two faces
 SHORT_CREASE = 0.03  # of the longest side: sharp edges that reach less far are noise; normals run smoothly over them
 WELD = 1e-6  # of the longest side: boundary vertices nearer than this are one vertex
+THIN = 1e-4  # of the longest side: the normal of a lower face is mostly the rounding of its corners
 _CELLS = 2**21  # per axis: the grid on which equal positions are found; 3 x 21 bits fit an int64
 _TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a mesh of size 1
 
@@ -151,9 +152,8 @@ class Surface:
 
     @cached_property
     def face_normals(self) -> np.ndarray:
-        """(F, 3) float64, unit."""
-        p0, p1, p2 = (self.vertices[self.faces[:, i]] for i in range(3))
-        return _unit(np.cross(p1 - p0, p2 - p0))
+        """(F, 3) float64, unit; faces too thin to have a normal have that of the face at their longest side."""
+        return face_normals(self.vertices, self.faces, self.face_edges, self.edge_faces)
 
     @cached_property
     def mean_edge(self) -> float:
@@ -410,9 +410,30 @@ def _drop_degenerate(points: np.ndarray, faces: np.ndarray, part: np.ndarray) ->
     once = np.zeros(len(faces), bool)
     once[first] = True
     good &= once
+    if good.any() and not good.all():
+        # A face of three points in a row may close the gap between one long side and two short ones: then it stays.
+        filler = once & ~good & (sorted_faces[:, 0] < sorted_faces[:, 1]) & (sorted_faces[:, 1] < sorted_faces[:, 2])
+        left = np.flatnonzero(good | filler)
+        edges, face_edges = mesh_edges(faces[left], count)
+        tight = (np.bincount(face_edges.ravel(), minlength=len(edges)) == 2)[face_edges].all(axis=1)
+        good[left] |= filler[left] & tight
     if not good.any():
         raise ValueError(f"none of its {len(faces)} faces has any area: nothing to draw")
     return faces[good], part[good]
+
+
+def face_normals(points: np.ndarray, faces: np.ndarray, face_edges: np.ndarray, pair: np.ndarray) -> np.ndarray:
+    """Unit normals (F, 3). Faces lower than THIN have that of the face at their longest side: their own is noise."""
+    side = _sides(points, faces)
+    cross = np.cross(side[0], side[1])
+    length = np.sqrt(np.stack([_dot(s, s) for s in side]))
+    normal = _unit(cross)
+    thin = np.flatnonzero(np.sqrt(_dot(cross, cross)) < THIN * length.max(axis=0))
+    for _ in range(4):  # thin faces may lie in a row
+        longest = face_edges[thin, (length[:, thin].argmax(axis=0) + 1) % 3]
+        other = pair[longest].sum(axis=1) - thin
+        normal[thin] = np.where((pair[longest] >= 0).all(axis=1)[:, None], normal[other], normal[thin])
+    return normal
 
 
 def mesh_edges(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -489,9 +510,9 @@ def _cut(points: np.ndarray, faces: np.ndarray, crease: float) -> tuple[np.ndarr
     edges, face_edges = mesh_edges(faces, count)
     uses = np.bincount(face_edges.ravel(), minlength=len(edges))
     inner = np.flatnonzero(uses == 2)
-    f, g = edge_faces(face_edges, len(edges))[inner].T
-    p0, p1, p2 = (points[faces[:, i]] for i in range(3))
-    normal = _unit(np.cross(p1 - p0, p2 - p0))
+    pair = edge_faces(face_edges, len(edges))
+    f, g = pair[inner].T
+    normal = face_normals(points, faces, face_edges, pair)
     forward = (faces < np.roll(faces, -1, axis=1)).ravel()
     clash = np.bincount(face_edges.ravel(), weights=forward, minlength=len(edges))[inner] != 1
     sharp = (_dot(normal[f], normal[g]) < np.cos(np.radians(crease))) & ~clash & (crease < 180.0)
