@@ -42,7 +42,6 @@ from .style import (
 from .texture import learn_texture
 from .view import View
 
-
 STRAY_SIGMAS = (7.0, 14.0)  # px; straying across and in thickness is kept where it is faster than these Gaussians
 
 
