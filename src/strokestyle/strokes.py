@@ -465,9 +465,7 @@ def _stiffened(xy, half, closed):
     if closed:
         padded = np.concatenate([even[-1 - reach : -1], even, even[1 : 1 + reach]])
     else:  # turned about the ends, so that these stay where they are
-        padded = np.concatenate(
-            [2 * even[:1] - even[reach:0:-1], even, 2 * even[-1:] - even[-2 : -2 - reach : -1]]
-        )
+        padded = np.concatenate([2 * even[:1] - even[reach:0:-1], even, 2 * even[-1:] - even[-2 : -2 - reach : -1]])
     smooth = ndimage.gaussian_filter1d(padded, sigma, axis=0, mode="nearest")[reach : reach + count + 1]
     if closed:
         smooth[-1] = smooth[0]

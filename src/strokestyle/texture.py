@@ -29,6 +29,8 @@ FLAW, JUMP, SEEN, OVER = 12.0, 3.0, 60.0, 4.0  # costs: of hidden rows, of a joi
 FLAT_TAX = 0.075  # flat ink may err by this much more than strips: it is crisp at any size, and easy to edit
 SIGHT = 1.2  # px, blur under which flat ink and strips are compared
 LEAST_NOISE = np.array([0.03, 0.02, 0.02, 0.02])
+TONE_COST, WIDTH_COST = 0.7, 5.8  # weights of a standard deviation of tone, of a factor e in width
+FEATHER = 3.0  # rows over which two runs fade into each other at a cut
 HALF_CUT = 4  # px to either side of a joint within which the least-error cut is sought
 
 
@@ -82,7 +84,7 @@ class Rows:
     """The rows of all strips of some strokes, in drawing direction.
 
     offsets (C+1,); width (R,) px of the ribbon without its margins, at least the thickness (R,) px; start, end (R,) px
-    from the stroke's ends; features (R, P); turned (C,) bool, against the strokes' own direction
+    from the stroke's ends; features (R, P); turned (C,) bool, against the strokes' own direction; closed (C,) bool
     """
 
     offsets: np.ndarray
@@ -92,6 +94,7 @@ class Rows:
     end: np.ndarray
     features: np.ndarray
     turned: np.ndarray
+    closed: np.ndarray
 
 
 def _against_the_hand(strokes: Strokes) -> np.ndarray:
@@ -125,7 +128,8 @@ def _rows(strokes: Strokes, features: np.ndarray, margin: float) -> Rows:
         columns.append(table)
         count.append(n)
     table = np.concatenate(columns)
-    return Rows(np.r_[0, np.cumsum(count)], table[:, 0], table[:, 3], table[:, 1], table[:, 2], table[:, 4:], turned)
+    offsets = np.r_[0, np.cumsum(count)]
+    return Rows(offsets, table[:, 0], table[:, 3], table[:, 1], table[:, 2], table[:, 4:], turned, strokes.closed)
 
 
 # ------------------------------------------------------------------------------------------------------ learning
@@ -183,13 +187,10 @@ def _flat_does(bank: TextureBank, rows: Rows, strips: np.ndarray, flaw: np.ndarr
     Compared are not pixels, which would favour a blur, but what the eye takes from a mark: darkness and its unevenness,
     edges across and grain along, each averaged over cells of some px.
     """
-    if len(rows.offsets) < 3:
-        barred, own = None, bank
-    else:
-        barred, own = np.eye(len(rows.offsets) - 1, dtype=bool), bank
+    itself = np.eye(len(rows.offsets) - 1, dtype=bool) if len(rows.offsets) > 2 else None
     fitted = bank.fitted.astype(np.float64)
-    chosen = _choose(own, rows, fitted, np.random.default_rng(seed), barred)
-    laid = _lay(own, rows, chosen, fitted).astype(np.float32) / 255.0
+    chosen = _choose(bank, rows, fitted, np.random.default_rng(seed), itself)
+    laid = _lay(bank, rows, chosen, fitted).astype(np.float32) / 255.0
     laid[..., :3] *= laid[..., 3:]
     columns, margin = strips.shape[1], float(bank.margin[0])
     v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
@@ -397,28 +398,28 @@ def _regress(design, tone, stroke, weight):
     A part of the tone that the held-out strokes do not confirm is predicted by its mean.
     """
     keep = slice(None, None, ROWS)  # rows are far from independent
-    x, y, s, w = design[keep], tone[keep], stroke[keep], np.sqrt(weight[keep] / weight.mean() + 1e-6)[:, None]
-    folds = [s % 5 == k for k in range(5)]
-    folds = [f for f in folds if f.any() and not f.all()]
+    s, w = stroke[keep], np.sqrt(weight[keep] / weight.mean() + 1e-6)[:, None]
+    x, y = design[keep] * w, tone[keep]
+    folds = [fold for fold in (s % 5 == k for k in range(5)) if fold.any() and not fold.all()]
     mean = (y * w * w).sum(axis=0) / (w * w).sum()
+    gram, moment = x.T @ x, x.T @ (y * w)
 
-    def solve(x, y, w, strength):
-        a = (x * w).T @ (x * w)
-        penalty = np.full(len(a), strength * len(x))
-        penalty[0] = 1e-6 * len(x)
-        return np.linalg.solve(a + np.diag(penalty), (x * w).T @ (y * w))
+    def solve(gram, moment, rows, strength):
+        penalty = np.full(len(gram), strength * rows)
+        penalty[0] = 1e-6 * rows
+        return np.linalg.solve(gram + np.diag(penalty), moment)
 
-    variance = (w * w * (y - mean) ** 2).mean(axis=0)
-    best, error = np.zeros((x.shape[1], y.shape[1])), variance.copy()
+    held_out = [(fold, gram - x[fold].T @ x[fold], moment - x[fold].T @ (y * w)[fold]) for fold in folds]
+    best, error = np.zeros(moment.shape), (w * w * (y - mean) ** 2).mean(axis=0)
     best[0] = mean
     for strength in (0.01, 0.03, 0.1, 0.3, 1.0, 3.0):
-        held = np.zeros_like(y)
-        for fold in folds:
-            held[fold] = x[fold] @ solve(x[~fold], y[~fold], w[~fold], strength)
-        off = (w * w * (y - held) ** 2).mean(axis=0)
-        better = (off < error) if folds else np.zeros(4, bool)
+        off = y * w
+        for fold, rest, rest_moment in held_out:
+            off[fold] -= x[fold] @ solve(rest, rest_moment, (~fold).sum(), strength)
+        off = np.square(off).mean(axis=0)
+        better = (off < error) & bool(folds)
         if better.any():
-            best[:, better] = solve(x, y, w, strength)[:, better]
+            best[:, better] = solve(gram, moment, len(x), strength)[:, better]
             error = np.where(better, off, error)
     return best, np.sqrt(error)
 
@@ -453,10 +454,8 @@ def synthesise(
     if bank.flat[0] > 0.5:
         return None, _stroke_ink(rows, _solid(predicted, bank))
     rng = np.random.default_rng(seed)
-    source = _choose(bank, rows, predicted, rng)
-    strips = _lay(bank, rows, source, predicted)
-    strips = _turn(strips, rows)
-    return Texture(strips, rows.offsets, margin), _stroke_ink(rows, predicted)
+    strips = _lay(bank, rows, _choose(bank, rows, predicted, rng), predicted)
+    return Texture(_turn(strips, rows), rows.offsets, margin), _stroke_ink(rows, predicted)
 
 
 def _turn(strips, rows):
@@ -467,137 +466,211 @@ def _turn(strips, rows):
     return out
 
 
-def _choose(bank, rows, predicted, rng, barred=None) -> list[np.ndarray]:
-    """For every stroke the source row (K,) of each of its nodes, NODE px apart: Viterbi over candidates.
+@dataclass(frozen=True)
+class Runs:
+    """Which source row every row of the new strips copies: row r copies r + shift, within its source's strip.
+
+    first : (C+1,) int64, nodes of stroke i are first[i]:first[i+1], one every NODE px
+    begin : (K,) int64, first row of each node's stretch
+    shift, low, high : (K,) int64
+    """
+
+    first: np.ndarray
+    begin: np.ndarray
+    shift: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def source(self, node, row):
+        return np.clip(row + self.shift[node], self.low[node], self.high[node])
+
+
+def _choose(bank, rows, predicted, rng, barred=None) -> Runs:
+    """The cheapest sequence of source rows along every stroke: Viterbi over candidates.
 
     `barred` (C, S) bool: strips that a stroke may not copy from.
     """
     step = NODE * ROWS
-    every = np.arange(0, len(bank.row), ROWS)  # source rows on offer
+    offsets = rows.offsets
+    count = -(-np.diff(offsets) // step)
+    first = np.r_[0, np.cumsum(count)]
+    stroke = owner(first)
+    begin = offsets[stroke] + (np.arange(first[-1]) - first[stroke]) * step
+    middle = np.minimum(begin + step // 2, offsets[stroke + 1] - 1)
+    target, source = _cost_factors(bank, rows, predicted, middle)
     strip = owner(bank.offsets)
-    noise = np.maximum(bank.noise, LEAST_NOISE)
-
-    # the cost of laying source row s on target row t, as an inner product of what depends on each
-    def of_target(node):
-        tone = np.sqrt(0.5) * predicted[node] / noise
-        thick = np.sqrt(3.0) / 0.3 * np.log(rows.width[node, None] + 1.0)
-        plain = np.concatenate([tone, thick], axis=1)
-        ends = np.clip(np.stack([rows.start[node], rows.end[node]], axis=1), -8.0, END)
-        weight = 1.0 / np.square(4.0 + 0.25 * np.maximum(ends, 0.0))
-        constant = np.square(plain).sum(axis=1) + (weight * ends * ends).sum(axis=1)
-        one = np.ones((len(node), 1))
-        return np.concatenate([constant[:, None], one, -2.0 * plain, weight, -2.0 * weight * ends], axis=1)
-
-    def of_source(row):
-        tone = np.sqrt(0.5) * row_tone[row] / noise
-        thick = np.sqrt(3.0) / 0.3 * np.log(bank.row[row, :1] + 1.0)
-        plain = np.concatenate([tone, thick], axis=1)
-        ends = np.clip(bank.row[row, 1:3], -8.0, END)
-        flaw = FLAW * bank.row[row, 3:] + np.where(bank.row[row, 3:] > 0.4, 100.0, 0.0)
-        constant = np.square(plain).sum(axis=1, keepdims=True) + flaw
-        return np.concatenate([np.ones((len(row), 1)), constant, plain, ends * ends, ends], axis=1)
-
-    row_tone = bank.fitted.astype(np.float64)
-    source = of_source(np.arange(len(bank.row)))
+    every = np.arange(0, len(bank.row), ROWS)  # source rows on offer
+    few = min(CANDIDATES, len(every))
+    near = np.empty((len(middle), few), np.int64)
+    for a in range(0, len(middle), 1024):
+        part = slice(a, a + 1024)
+        grid = target[part] @ source[every].T
+        grid += LUCK * rng.standard_exponential(grid.shape, np.float32)
+        if barred is not None:
+            grid[barred[stroke[part]][:, strip[every]]] += 1e6
+        near[part] = every[np.argpartition(grid, few - 1, axis=1)[:, :few]]
     # the row that follows a node's, and none where the strip is over
     follows = np.full(len(bank.row), -1)
     r = np.arange(len(bank.row) - step)
     follows[r] = np.where(strip[r] == strip[r + step], r + step, -1)
-    chosen = []
-    for i in range(len(rows.offsets) - 1):
-        a, b = rows.offsets[i], rows.offsets[i + 1]
-        node = np.minimum(np.arange(a + step // 2, max(b, a + step // 2 + 1), step), b - 1)
-        target = of_target(node)
-        grid = target @ source[every].T
-        grid += rng.gumbel(0.0, LUCK, grid.shape)
-        if barred is not None:
-            grid[:, barred[i][strip[every]]] += 1e6
-        few = min(CANDIDATES, len(every))
-        near = every[np.argpartition(grid, few - 1, axis=1)[:, :few]]
-        chosen.append(_viterbi(bank.look, near, target, source, follows))
+    chosen = _viterbi(bank.look, near, first, target, source, follows)
+    home = strip[chosen]
+    return Runs(first, begin, chosen - begin - step // 2, bank.offsets[home], bank.offsets[home + 1] - 1)
+
+
+def _cost_factors(bank, rows, predicted, node):
+    """(K, D) and (T, D) float32, whose inner product is the cost of laying a source row on a node's row."""
+    noise = np.maximum(bank.noise, LEAST_NOISE)
+
+    def plain(tone, width):
+        return np.concatenate([TONE_COST * tone / noise, WIDTH_COST * np.log(width[:, None] + 1.0)], axis=1)
+
+    ends = np.clip(np.stack([rows.start[node], rows.end[node]], axis=1), -8.0, END)
+    weight = 1.0 / np.square(4.0 + 0.25 * np.maximum(ends, 0.0))
+    mine = plain(predicted[node], rows.width[node])
+    constant = np.square(mine).sum(axis=1, keepdims=True) + (weight * ends * ends).sum(axis=1, keepdims=True)
+    target = [constant, np.ones((len(node), 1)), -2.0 * mine, weight, -2.0 * weight * ends]
+    width, flaw = bank.row[:, 0], bank.row[:, 3:]
+    theirs, at = plain(bank.fitted, width), np.clip(bank.row[:, 1:3], -8.0, END)
+    constant = np.square(theirs).sum(axis=1, keepdims=True) + FLAW * flaw + np.where(flaw > 0.4, 100.0, 0.0)
+    source = [np.ones((len(width), 1)), constant, theirs, at * at, at]
+    return np.concatenate(target, axis=1).astype(np.float32), np.concatenate(source, axis=1).astype(np.float32)
+
+
+def _viterbi(look, near, first, target, source, follows):
+    """The source row (K,) of every node; all strokes in step, the longest first."""
+    count = np.diff(first)
+    order = np.argsort(-count, kind="stable")
+    few = near.shape[1]
+    head = first[order]
+    candidates = [near[head]]
+    total = np.einsum("bwd,bd->bw", source[near[head]], target[head])
+    back = []
+    totals = [total]
+    for k in range(1, int(count.max(initial=0))):
+        live = int((count > k).sum())
+        node = head[:live] + k
+        last, total = candidates[-1][:live], totals[-1][:live]
+        on = follows[last]
+        over = on < 0
+        cost = np.einsum("bwd,bd->bw", source[on], target[node]) + total
+        cost[over] = np.inf
+        best = np.argpartition(cost, few - 1, axis=1)[:, :few]
+        ahead = np.take_along_axis(on, best, axis=1)
+        ahead = np.where(ahead < 0, near[node], ahead)
+        here = np.concatenate([near[node], ahead], axis=1)
+        x, y = look[np.where(over, last, on)], look[here]
+        seam = np.square(x).sum(axis=2)[:, :, None] + np.square(y).sum(axis=2)[:, None] - 2.0 * x @ y.swapaxes(1, 2)
+        move = JUMP + SEEN * np.maximum(seam, 0.0) + OVER * over[:, :, None]
+        move[on[:, :, None] == here[:, None]] = 0.0
+        move += total[:, :, None]
+        best = move.argmin(axis=1)
+        back.append(best)
+        candidates.append(here)
+        reached = np.take_along_axis(move, best[:, None], axis=1)[:, 0]
+        totals.append(reached + np.einsum("bwd,bd->bw", source[here], target[node]))
+    chosen = np.empty(first[-1], np.int64)
+    at = np.zeros(len(count), np.int64)
+    for k in range(len(candidates) - 1, -1, -1):
+        live = int((count > k).sum())
+        ends = np.flatnonzero(count[order[:live]] == k + 1)
+        at[ends] = totals[k][ends].argmin(axis=1)
+        b = np.arange(live)
+        chosen[head[:live] + k] = candidates[k][b, at[:live]]
+        if k:
+            at[:live] = back[k - 1][b, at[:live]]
     return chosen
 
 
-def _viterbi(look, near, target, source, follows):
-    candidates, total, back = [near[0]], source[near[0]] @ target[0], []
-    for k in range(1, len(near)):
-        last = candidates[-1]
-        next_row = follows[last]
-        on = np.unique(next_row[next_row >= 0])
-        if len(on) > 2 * CANDIDATES:
-            on = on[np.argsort(source[on] @ target[k], kind="stable")[: 2 * CANDIDATES]]
-        here = np.unique(np.concatenate([near[k], on]))
-        go = np.where(next_row >= 0, next_row, last)
-        x, y = look[go], look[here]
-        seam = np.square(x).sum(axis=1)[:, None] + np.square(y).sum(axis=1)[None] - 2.0 * x @ y.T
-        move = JUMP + SEEN * np.maximum(seam, 0.0) + OVER * (next_row < 0)[:, None]
-        move = np.where(next_row[:, None] == here[None], 0.0, move)
-        cost = total[:, None] + move
-        best = cost.argmin(axis=0)
-        back.append(best)
-        total = cost[best, np.arange(len(here))] + source[here] @ target[k]
-        candidates.append(here)
-    at = int(total.argmin())
-    path = [candidates[-1][at]]
-    for k in range(len(near) - 1, 0, -1):
-        at = back[k - 1][at]
-        path.append(candidates[k - 1][at])
-    return np.array(path[::-1])
-
-
-def _lay(bank, rows, source, predicted) -> np.ndarray:
-    """Copy the chosen runs into strips (R, A, 4) uint8 for the new strokes."""
-    out = np.zeros((len(rows.width), _columns(rows, float(bank.margin[0])), 4), np.uint8)
-    for nodes, a, b in zip(source, rows.offsets[:-1], rows.offsets[1:], strict=True):
-        layer, source_rows = _lay_stroke(bank, rows.width[a:b], nodes, predicted[a:b], out.shape[1])
-        layer *= _caps(rows, slice(a, b), bank.row[source_rows], float(bank.margin[0]), out.shape[1])
-        out[a:b] = np.rint(np.clip(_straight(layer), 0, 1) * 255)
-    return out
-
-
-def _lay_stroke(bank, thickness, nodes, predicted, columns):
-    """One strip (n, columns, 4) float32, premultiplied, and the source row of each of its rows."""
-    n, step, reach = len(thickness), NODE * ROWS, HALF_CUT * ROWS
-    # runs: stretches of nodes that follow each other in the bank; target row r copies source row r + shift
-    first = np.r_[0, np.flatnonzero(np.diff(nodes) != step) + 1]
-    shift = nodes[first] - np.minimum(first * step + step // 2, n - 1)
-    begin = np.r_[0, first[1:] * step, n]
-    strip = np.searchsorted(bank.offsets, nodes[first], side="right") - 1
-    low, high = bank.offsets[strip], bank.offsets[strip + 1] - 1
-
-    def rows_of(run, r):
-        return np.clip(r + shift[run], low[run], high[run])
-
+def _lay(bank, rows, runs: Runs, predicted) -> np.ndarray:
+    """Copy the chosen runs into strips (R, A, 4) uint8 for the new strokes, and hide their joints."""
+    columns, step = _columns(rows, float(bank.margin[0])), NODE * ROWS
+    stroke = owner(rows.offsets)
+    every = np.arange(len(stroke))
+    node = np.minimum(runs.first[stroke] + (every - rows.offsets[stroke]) // step, runs.first[stroke + 1] - 1)
+    copied = runs.source(node, every)
     # tone: what the features ask for here, and beyond that what the source had, carried smoothly over the joints
-    run_of = np.searchsorted(begin, np.arange(n), side="right") - 1
-    s = rows_of(run_of, np.arange(n))
-    beyond = ndimage.gaussian_filter1d((bank.tone - bank.fitted)[s].astype(np.float64), TONE_SIGMA * ROWS, axis=0)
+    beyond = _smooth_rows((bank.tone - bank.fitted)[copied], rows.offsets, TONE_SIGMA * ROWS)
     wanted = predicted + beyond
 
-    layer = np.zeros((n, columns, 4), np.float32)
-    for run in range(len(first)):
-        r = np.arange(max(0, begin[run] - (reach if run else 0)), begin[run + 1])
-        patch = _toned(_resampled(bank, rows_of(run, r), thickness[r], columns), bank.tone[rows_of(run, r)], wanted[r])
-        head = np.flatnonzero(r < begin[run] + reach) if run else np.zeros(0, int)
-        if len(head):
-            over, kept = r[head], begin[run] - r[0]
-            past = over[kept:]
-            source = rows_of(run - 1, past)
-            going_on = _toned(_resampled(bank, source, thickness[past], columns), bank.tone[source], wanted[past])
-            patch[head] = _joined(np.concatenate([layer[over[:kept]], going_on]), patch[head])
-        layer[r] = patch
-    return layer, s
+    def copy(source, row):
+        return _toned(_resampled(bank, source, rows.width[row], columns), bank.tone[source], wanted[row])
+
+    layer = np.concatenate([copy(copied[a : a + 8192], every[a : a + 8192]) for a in range(0, len(every), 8192)])
+    for before, after, ahead in _joints(rows, runs):
+        _join(layer, copy, rows, runs, before, after, ahead)
+    layer *= _caps(rows, bank.row[copied], float(bank.margin[0]), columns)
+    return np.rint(np.clip(_straight(layer), 0, 1) * 255).astype(np.uint8)
 
 
-def _caps(rows, part, source, margin, columns):
-    """(n, columns, 1) in [0, 1]: rounds off the rows past an end that were copied from the body of a stroke."""
-    ends = np.stack([rows.start[part], rows.end[part]], axis=1)
+def _joints(rows, runs):
+    """Groups of joints that do not touch each other: (node before, node after, rows by which the way wraps)."""
+    count = np.diff(runs.first)
+    stroke = owner(runs.first)
+    after = np.setdiff1d(np.arange(runs.first[-1]), runs.first[:-1])
+    after = after[(runs.shift[after] != runs.shift[after - 1]) | (runs.low[after] != runs.low[after - 1])]
+    ordinal = np.arange(len(after)) - np.searchsorted(after, runs.first[stroke[after]])
+    for parity in (0, 1):
+        group = after[ordinal % 2 == parity]
+        yield group - 1, group, np.zeros(len(group), np.int64)
+    loop = np.flatnonzero(rows.closed & (count > 1))
+    yield runs.first[loop + 1] - 1, runs.first[loop], np.diff(rows.offsets)[loop]
+
+
+def _join(layer, copy, rows, runs, before, after, ahead):
+    """Join runs in `layer` (R, A, 4) along least-error cuts between HALF_CUT px before and after where they meet."""
+    if not len(after):
+        return
+    reach = HALF_CUT * ROWS
+    stroke = owner(runs.first)[after]
+    low, high = rows.offsets[stroke][:, None], rows.offsets[stroke + 1][:, None]
+    at = runs.begin[after][:, None] + np.arange(-reach, reach)
+    row = np.where(rows.closed[stroke][:, None], low + (at - low) % (high - low), np.clip(at, low, high - 1))
+    past = np.arange(2 * reach) >= reach
+    shape = row.shape + layer.shape[1:]
+    old, new = layer[row], layer[row]
+    going_on = runs.source(before[:, None], (at + ahead[:, None])[:, past])
+    coming = runs.source(after[:, None], at[:, ~past])
+    old[:, past] = copy(going_on.ravel(), row[:, past].ravel()).reshape(-1, reach, *shape[2:])
+    new[:, ~past] = copy(coming.ravel(), row[:, ~past].ravel()).reshape(-1, reach, *shape[2:])
+    joined = _cut(old, new)
+    within = (at >= low) & (at < high) | rows.closed[stroke][:, None]
+    layer[row[within]] = joined[within]
+
+
+def _cut(old, new):
+    """Patches (S, n, A, 4) of the same rows -> ones that begin as `old` and end as `new`, along least-error cuts."""
+    count, n, columns, _ = old.shape
+    error = np.square(old - new).sum(axis=3)
+    error = ndimage.uniform_filter1d(error, 3, axis=1) + 1e-4
+    total = error[:, :, 0].copy()
+    back = np.zeros((columns, count, n), np.int64)
+    wall = np.full((count, 1), np.inf, np.float32)
+    for c in range(1, columns):
+        padded = np.concatenate([wall, total, wall], axis=1)
+        three = np.stack([padded[:, :-2], padded[:, 1:-1], padded[:, 2:]])
+        pick = three.argmin(axis=0)
+        back[c] = np.arange(n) + pick - 1
+        total = np.take_along_axis(three, pick[None], axis=0)[0] + error[:, :, c]
+    cut = np.empty((count, columns), np.int64)
+    cut[:, -1] = total.argmin(axis=1)
+    each = np.arange(count)
+    for c in range(columns - 1, 0, -1):
+        cut[:, c - 1] = back[c][each, cut[:, c]]
+    weight = np.clip((np.arange(n)[:, None] - cut[:, None]) / FEATHER + 0.5, 0.0, 1.0)[..., None].astype(np.float32)
+    return old * (1 - weight) + new * weight
+
+
+def _caps(rows, source, margin, columns):
+    """(R, columns, 1) in [0, 1]: rounds off the rows past an end that were copied from the body of a stroke."""
+    ends = np.stack([rows.start, rows.end], axis=1)
     past = np.maximum(0.0, -ends)
     body = past * np.clip((source[:, 1:3] - ends - 1.0) / 2.0, 0.0, 1.0)  # as far past as the source was not
+    body = body.max(axis=1)[:, None]
     v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
-    across = v[None] * (0.5 * rows.width[part] + margin)[:, None]
-    inside = 0.5 * rows.width[part][:, None] + 0.5 - np.hypot(across, body.max(axis=1)[:, None])
-    return np.where(body.max(axis=1)[:, None] > 0, np.clip(inside, 0.0, 1.0), 1.0)[..., None].astype(np.float32)
+    across = v[None] * (0.5 * rows.width + margin)[:, None]
+    inside = np.clip(0.5 * rows.width[:, None] + 0.5 - np.hypot(across, body), 0.0, 1.0)
+    return np.where(body > 0, inside, 1.0)[..., None].astype(np.float32)
 
 
 def _toned(patch, tone, wanted):
@@ -608,14 +681,14 @@ def _toned(patch, tone, wanted):
     return np.concatenate([np.clip(ink, 0, 1) * alpha[..., None], alpha[..., None]], axis=-1).astype(np.float32)
 
 
-def _resampled(bank, s, thickness, columns):
-    """Rows s of the bank, stretched across from their own thickness to `thickness` (n,), premultiplied float32.
+def _resampled(bank, s, width, columns):
+    """Rows s of the bank, stretched across from their own width to `width` (n,), premultiplied float32.
 
     The core is stretched; beyond the edge distances stay what they are, so that a soft edge keeps its softness.
     """
     a, margin = bank.rgba.shape[1], float(bank.margin[0])
     v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
-    half, own = 0.5 * thickness[:, None], 0.5 * bank.row[s, 0][:, None].astype(np.float64)
+    half, own = 0.5 * width[:, None], 0.5 * bank.row[s, 0][:, None].astype(np.float64)
     distance = np.abs(v)[None] * (half + margin)
     inner = distance * (own / np.maximum(half, 1e-6))
     across = np.sign(v)[None] * np.where(distance < half, inner, own + distance - half)
@@ -626,27 +699,6 @@ def _resampled(bank, s, thickness, columns):
     strip[..., :3] *= strip[..., 3:]
     r = np.arange(len(s))[:, None]
     return strip[r, c0] * (1 - f) + strip[r, c0 + 1] * f
-
-
-def _joined(old, new):
-    """Two patches (n, A, 4) of the same rows -> one that begins as `old` and ends as `new`, along a least-error cut."""
-    n, columns, _ = old.shape
-    error = np.square(old - new).sum(axis=2)  # (n, A)
-    error = ndimage.uniform_filter1d(error, 3, axis=0) + 1e-4
-    total = error[:, 0].copy()
-    back = np.zeros((columns, n), np.int64)
-    for c in range(1, columns):
-        pad = np.r_[np.inf, total, np.inf]
-        three = np.stack([pad[:-2], pad[1:-1], pad[2:]])
-        pick = three.argmin(axis=0)
-        back[c] = np.arange(n) + pick - 1
-        total = three[pick, np.arange(n)] + error[:, c]
-    cut = np.empty(columns, np.int64)
-    cut[-1] = total.argmin()
-    for c in range(columns - 1, 0, -1):
-        cut[c - 1] = back[c][cut[c]]
-    weight = np.clip((np.arange(n)[:, None] - cut[None]) / 3.0 + 0.5, 0.0, 1.0)[..., None].astype(np.float32)
-    return old * (1 - weight) + new * weight
 
 
 def _straight(premultiplied):
