@@ -24,7 +24,7 @@ def camera(eye=(0.8, 0.6, 2.5), up=(0, 1, 0)):
 
 
 def only(kind, **options):
-    return LineOptions(kinds=(kind,), **{"smooth": 0.0, "hysteresis": 0.0, **options})
+    return LineOptions(kinds=(kind,), **{"smooth": 0.0, "hysteresis": 0.0, "sharpness": 0.0, **options})
 
 
 def lengths(surface, curves):
@@ -145,6 +145,32 @@ def test_strength_of_a_ridge_is_neural_contours_formula():
     k = curves.interpolate(surface, np.abs(surface.k1))
     assert np.allclose(curves.strength, np.maximum(0, 1 - options.ridge / (surface.feature_size * k)), atol=1e-9)
     assert curves.strength.max() > 0.3
+
+
+@pytest.mark.parametrize(
+    "z, first, second, expected",
+    [
+        (lambda x: -x * x / 2, lambda x: -x, lambda x: 0 * x - 1, 3.0),  # parabola
+        (lambda x: np.sqrt(2 - x * x), lambda x: -x / np.sqrt(2 - x * x), lambda x: -2 / (2 - x * x) ** 1.5, 0.0),
+        (lambda x: -np.sqrt(1 + x * x), lambda x: -x / np.sqrt(1 + x * x), lambda x: -1 / (1 + x * x) ** 1.5, 6.0),
+        (lambda x: np.sqrt(9 - 4 * x * x), lambda x: -4 * x / np.sqrt(9 - 4 * x * x),
+         lambda x: -36 / (9 - 4 * x * x) ** 1.5, 2.25),  # ellipse, twice as high as wide
+    ],
+)  # fmt: skip
+def test_sharpness_of_conics(z, first, second, expected):
+    """-k'' / k^3 at the tip is 3 e^2: 0 on a circle, 3 on a parabola, 6 on the right-angled hyperbola."""
+    shape = shapes.height_field(
+        lambda x, y: z(x), lambda x, y: (first(x), 0 * x), lambda x, y: (second(x), 0 * x, 0 * x), n=81
+    )
+    surface = make_surface(*shape)
+    tip = np.abs(shape.vertices[:, 0]) < 0.05
+    tip &= np.abs(shape.vertices[:, 1]) < 0.9
+    sharp = lines._sharpness(surface, surface.dcurv[:, 0], np.arange(len(surface.faces)))
+    assert np.allclose(sharp[tip], expected, atol=0.2)
+    for least in (1, 3, 13):
+        curves = feature_curves(surface, camera(), only("ridge", ridge=0.01, sharpness=least))
+        on_tip = np.abs(curves.points(surface)[:, 0]) < 0.02
+        assert on_tip.any() == (expected > 0.5 * least)
 
 
 def test_an_exact_extremum_is_no_trouble():
@@ -356,7 +382,7 @@ def test_rtsc_draws_the_same_segments(name):
     surface = make_surface(theirs["vertices"], theirs["faces"], crease=180, rtsc=True)
     view = ViewFields.of(surface, theirs["eye"])
     front = (view.n_dot_v > 0)[surface.faces].any(axis=1)
-    at = dict(suggestive=0.01, ridge=0.1, valley=0.1, apparent=0.1)
+    at = dict(suggestive=0.01, ridge=0.1, valley=0.1, apparent=0.1, sharpness=0.0)
     found = {
         "contour": lines.contour_segments(surface, view, LineOptions(**at)),
         "contour_untrimmed": lines.contour_segments(surface, view, LineOptions(**at, trim=False)),
@@ -386,7 +412,7 @@ def bumpy():
     return make_surface(d * radius[:, None], shape.faces)
 
 
-ALL = LineOptions(lines.SURFACE_KINDS, ridge=0.1, smooth=0.0, hysteresis=0.0)
+ALL = LineOptions(lines.SURFACE_KINDS, ridge=0.1, smooth=0.0, hysteresis=0.0, sharpness=0.0)
 
 
 def test_chains_hold_all_segments_and_nothing_else():

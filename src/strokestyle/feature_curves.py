@@ -13,7 +13,7 @@ import numpy as np
 
 from .camera import Camera
 from .curves import KINDS, check_offsets, take_ragged
-from .surface import Surface
+from .surface import DEFAULT_CREASE, Surface
 
 SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")  # read off curvature, so that noise of the mesh tells
 SURFACE_KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent")
@@ -32,6 +32,9 @@ class LineOptions:
     suggestive : least derivative of radial curvature along the view over n.v, times F^2 (DeCarlo 2003)
     ridge, valley : least principal curvature, times F (Ohtake 2004)
     apparent : least view-dependent curvature (Judd 2007), times F^2
+    sharpness : least -k'' / k^3 across a ridge or valley: how fast its curvature falls off to either side. At the tip
+        of a conic it is 3 times the squared eccentricity: less than 3 on a limb, whose section is an ellipse, more on
+        a rounded edge between two flanks, a hyperbola. Lines fade from the given value to half of it.
     crease : least angle between the faces at a crease, degrees
     smooth : length, in longest sides of the shape, over which normals and curvatures are smoothed for the soft kinds
         (suggestive, ridge, valley, apparent); contours need the mesh's own normals, or they leave its silhouette
@@ -47,10 +50,11 @@ class LineOptions:
 
     kinds: tuple[str, ...] = ("contour", "boundary", "crease", "suggestive", "ridge", "valley")
     suggestive: float = 0.01
-    ridge: float = 0.5
+    ridge: float = 0.4
     valley: float = 0.1
     apparent: float = 0.1
-    crease: float = 40.0
+    sharpness: float = 3.0
+    crease: float = DEFAULT_CREASE
     smooth: float = 0.007
     hysteresis: float = 0.5
     trim: bool = True
@@ -563,20 +567,50 @@ def _slope(surface, value, direction, n_dot_v, among) -> np.ndarray:
 
 def ridge_segments(surface: Surface, options: LineOptions) -> Segments:
     """Ridges (Ohtake 2004): maxima of the largest principal curvature along its direction, where convex."""
-    return _ridge_or_valley(surface, options.ridge, "ridge", 1.0)
+    return _ridge_or_valley(surface, options.ridge, options.sharpness, "ridge", 1.0)
 
 
 def valley_segments(surface: Surface, options: LineOptions) -> Segments:
     """Valleys: minima of the principal curvature along its direction, where concave."""
-    return _ridge_or_valley(surface, options.valley, "valley", -1.0)
+    return _ridge_or_valley(surface, options.valley, options.sharpness, "valley", -1.0)
 
 
-def _ridge_or_valley(surface: Surface, threshold: float, kind: str, sign: float) -> Segments:
+def _ridge_or_valley(surface: Surface, threshold: float, sharpness: float, kind: str, sign: float) -> Segments:
     among = np.flatnonzero((sign * surface.k1 > 0.0)[surface.faces].all(axis=1))
     slope = sign * surface.dcurv[:, 0]
-    return _extremal_lines(
-        surface, slope, surface.pdir1, np.abs(surface.k1), threshold / surface.feature_size, kind, among
-    )
+    limit = threshold / surface.feature_size
+    segments = _extremal_lines(surface, slope, surface.pdir1, np.abs(surface.k1), limit, kind, among)
+    if not (sharpness > 0.0 and len(segments)):
+        return segments
+    clear = np.clip(2.0 * _sharpness(surface, slope, segments.face) / sharpness - 1.0, 0.0, 1.0)
+    strength = segments.strength * _at_ends(surface, segments, clear)
+    segments = Segments(segments.kind, segments.face, segments.bary, segments.node, strength)
+    return segments.take(np.flatnonzero((strength > 0.0).any(axis=1)))
+
+
+def _sharpness(surface: Surface, slope: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """-k'' / k^3 along the first principal direction, (V,), at the vertices of some faces.
+
+    `slope` (V,) is the derivative of |k1| along pdir1. Its own derivative is taken on each face about these vertices,
+    after pointing the directions at its corners the same way, and averaged.
+    """
+    wanted = np.zeros(len(surface.vertices), bool)
+    wanted[surface.faces[face]] = True
+    corner = surface.faces[wanted[surface.faces].any(axis=1)]
+    direction = surface.pdir1[corner]
+    sign = np.where(_rowdot(direction, direction[:, :1]) < 0.0, -1.0, 1.0)
+    rise = sign * slope[corner]
+    along = (sign[:, :, None] * direction).mean(axis=1)
+    point = surface.vertices[corner]
+    a, b = point[:, 1] - point[:, 0], point[:, 2] - point[:, 0]
+    normal = np.cross(a, b)
+    square = np.maximum(_rowdot(normal, normal), 1e-30)
+    gradient = (rise[:, 1] - rise[:, 0])[:, None] * np.cross(b, normal)
+    gradient += (rise[:, 2] - rise[:, 0])[:, None] * np.cross(normal, a)
+    bend = _rowdot(gradient, along) / square / np.maximum(np.sqrt(_rowdot(along, along)), 1e-12)
+    count = np.bincount(corner.ravel(), minlength=len(wanted))
+    mean = np.bincount(corner.ravel(), weights=np.repeat(bend, 3), minlength=len(wanted)) / np.maximum(count, 1)
+    return np.where(wanted, -mean / np.maximum(np.abs(surface.k1) ** 3, 1e-12), 0.0)
 
 
 def _extremal_lines(surface, slope, direction, value, limit, kind, among) -> Segments:
