@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from strokestyle.curves import KINDS, Curves
-from strokestyle.strokes import Drawing, Strokes, Texture, rasterise
+from strokestyle.strokes import Drawing, Strokes, Texture, rasterise, signed_distance
 from strokestyle.svg import (
     palette_png,
     plain_svg,
@@ -118,9 +118,10 @@ def test_strokes_carry_their_centre_line_and_widths():
         rows = slice(flat.strokes.offsets[i], flat.strokes.offsets[i + 1])
         steps = numbers(element.get("data-ss-path")).reshape(-1, 2)
         xy = np.cumsum(steps, axis=0)
-        assert xy == pytest.approx(flat.strokes.xy[rows], abs=0.0051)
+        assert signed_distance(xy, np.zeros(len(xy)), flat.strokes.xy[rows]).max() < 0.028  # slack and rounding
+        assert xy[[0, -1]] == pytest.approx(flat.strokes.xy[rows][[0, -1]], abs=0.0051)
         t, width = numbers(element.get("data-ss-width")).reshape(-1, 2).T
-        along = np.r_[0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
+        along = np.r_[0, np.cumsum(np.hypot(*np.diff(flat.strokes.xy[rows], axis=0).T))]
         assert np.interp(along / along[-1], t, width) == pytest.approx(flat.strokes.thickness[rows], abs=0.01)
         assert element.get("data-ss-class") == KINDS[flat.strokes.kind[i]] and element.get("fill-rule") == "nonzero"
 
@@ -202,27 +203,25 @@ def test_plain_curves_by_kind():
     assert plain_svg(Curves.empty(), (60, 50))
 
 
-def test_palette_png_of_one_ink_keeps_the_ink_and_sixteen_alphas():
-    alpha = np.linspace(0, 1, 256).reshape(16, 16)
-    layer = alpha[..., None] * [0.8, 0.4, 0.2, 1.0]
-    image = Image.open(io.BytesIO(palette_png(layer)))
-    got = np.asarray(image.convert("RGBA")).astype(float) / 255
-    assert len(np.unique(got[..., 3])) == 16
+def decoded(png):
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGBA")).astype(float) / 255
+
+
+@pytest.mark.parametrize("alphas", [10, 64])
+def test_palette_png_of_one_ink_keeps_the_ink_and_its_alphas(alphas):
+    alpha = np.linspace(0, 1, 17 * 16).reshape(16, 17)  # soft tone; odd width, for 4 bits a pixel
+    if alphas == 10:  # grain
+        alpha = np.random.default_rng(0).permutation(alpha.ravel()).reshape(16, 17)
+    got = decoded(palette_png(alpha[..., None] * [0.8, 0.4, 0.2, 1.0]))
+    assert len(np.unique(got[..., 3])) == alphas
     assert got[..., :3][alpha > 0.1] == pytest.approx(np.tile([0.8, 0.4, 0.2], ((alpha > 0.1).sum(), 1)), abs=0.01)
-    assert np.abs(got[..., 3] - alpha).max() <= 0.5 / 15 + 1e-6
-
-
-def test_palette_png_of_ink_too_faint_for_a_level_of_alpha():
-    layer = np.zeros((8, 8, 4))
-    layer[2, 2], layer[5, 5] = [0.002, 0, 0, 0.002], [0, 0, 0.003, 0.003]
-    with Image.open(io.BytesIO(palette_png(layer))) as picture:
-        assert np.asarray(picture.convert("RGBA"))[..., 3].max() == 0
+    assert np.abs(got[..., 3] - alpha).max() <= 0.5 / (alphas - 1) + 0.5 / 255
 
 
 def test_palette_png_of_many_colours_is_close():
     y, x = np.mgrid[0:40, 0:60] / 60
     layer = np.stack([x * 0.9, 0.5 * y, 0.3 + 0 * x, np.ones_like(x)], axis=-1) * (0.3 + 0.7 * x[..., None])
-    got = np.asarray(Image.open(io.BytesIO(palette_png(layer))).convert("RGBA")).astype(float) / 255
+    got = decoded(palette_png(layer))
     assert np.abs(got[..., :3] * got[..., 3:] - layer[..., :3]).mean() < 0.02
     assert np.abs(got[..., 3] - layer[..., 3]).mean() < 0.03
 
