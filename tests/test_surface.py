@@ -107,6 +107,17 @@ def test_frames_are_orthonormal_and_right_handed():
     assert (np.abs(surface.k1) >= np.abs(surface.k2)).all()
 
 
+def test_curvature_holds_up_to_the_border():
+    shape = shapes.height_field(
+        lambda x, y: 0.5 * np.cos(x) * np.cos(y),
+        lambda x, y: (-0.5 * np.sin(x) * np.cos(y), -0.5 * np.cos(x) * np.sin(y)),
+        lambda x, y: (-0.5 * np.cos(x) * np.cos(y), 0.5 * np.sin(x) * np.sin(y), -0.5 * np.cos(x) * np.cos(y)), n=61,
+    )  # fmt: skip
+    surface = make_surface(*shape)
+    assert errors(shape, surface).max() < 0.12
+    assert np.degrees(np.arccos(np.einsum("ij,ij->i", surface.normals, shape.normals).min())) < 0.3
+
+
 def test_a_hollow_is_negative():
     shape = shapes.height_field(
         lambda x, y: x * x + 0.5 * y * y, lambda x, y: (2 * x, y), lambda x, y: (0 * x + 2, 0 * x, 0 * x + 1)

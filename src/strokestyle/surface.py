@@ -607,6 +607,45 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return _unit(normals)
 
 
+def _mend_rim_normals(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Normals (V, 3) with those on boundaries and creases extrapolated instead of averaged.
+
+    A vertex with faces on one side only has the normal of a place half an edge away, which spoils the curvature for two
+    rings of vertices. There the face normals of two rings, each true at its centroid, are fitted by a linear field.
+    """
+    edges, face_edges = mesh_edges(faces, len(vertices))
+    rim = np.unique(edges[np.bincount(face_edges.ravel(), minlength=len(edges)) == 1])
+    if not len(rim):
+        return normals
+    number = np.full(len(vertices), -1)
+    number[rim] = np.arange(len(rim))
+    # pairs of a rim vertex and a face within two rings of it
+    corner_face = np.repeat(np.arange(len(faces)), 3)
+    touches = csr_matrix((np.ones(faces.size), (faces.ravel(), corner_face)), shape=(len(vertices), len(faces)))
+    pairs = (touches[rim] @ touches.T @ touches).tocoo()
+    vertex, face = pairs.row, pairs.col
+    side = _sides(vertices, faces[face])
+    cross = np.cross(side[0], side[1])
+    area = np.sqrt(_dot(cross, cross))
+    x, y = _tangent_frame(normals[rim])
+    away = vertices[faces[face]].mean(axis=1) - vertices[rim[vertex]]
+    at = np.stack([np.ones(len(vertex)), _dot(away, x[vertex]), _dot(away, y[vertex])], axis=1)
+    unit = cross / np.maximum(area, _TINY)[:, None]
+    left, right = np.empty((len(rim), 3, 3)), np.empty((len(rim), 3, 3))
+    for i in range(3):
+        for j in range(3):
+            left[:, i, j] = _scatter(vertex, area * at[:, i] * at[:, j], len(rim))
+            right[:, i, j] = _scatter(vertex, area * at[:, i] * unit[:, j], len(rim))
+    spread = 1e-6 * (left[:, 1, 1] + left[:, 2, 2]) + _TINY  # faces in a row tell nothing across it: no slope then
+    left[:, 1, 1] += spread
+    left[:, 2, 2] += spread
+    fitted = _unit(np.linalg.solve(left + np.diag([_TINY, 0, 0]), right)[:, 0])
+    good = _dot(fitted, normals[rim]) > np.cos(np.radians(30.0))
+    normals = normals.copy()
+    normals[rim[good]] = fitted[good]
+    return normals
+
+
 def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Voronoi area of each corner (F, 3): the part of the face nearer to it than to the other two.
 
@@ -678,6 +717,8 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     """
     count, index = len(vertices), faces.ravel()
     normals = vertex_normals(vertices, faces)
+    if not rtsc:
+        normals = _mend_rim_normals(vertices, faces, normals)
     blur = _blur(vertices, faces, smooth)
     if blur is not None:
         normals = _unit(blur(normals))
