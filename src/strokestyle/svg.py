@@ -27,8 +27,8 @@ TEXTURES = ("auto", "image", "none")
 ONE_INK = 0.02  # colours that differ less than this (rms, of 1) are one ink: its PNG needs alphas only
 GRAIN = 0.12  # of the opacity, per texel: what changes more is grain
 GRAIN_ALPHAS, SOFT_ALPHAS, COLORS = 10, 64, 64  # palette sizes of a stroke's PNG
-PATH_SLACK = 0.02  # px a centre line may be off where data-ss-path leaves points out
-CLIP_SLACK = 0.3  # px, the least tolerance of a clip: its edge lies where the texture is clear
+PATH_SLACK = 0.04  # px a centre line may be off where data-ss-path leaves points out
+CLIP_SLACK = 0.5  # px, the least tolerance of a clip: its edge lies where the texture is clear
 WIDTH_SLACK = 0.004  # px a width may be off where data-ss-width leaves points out
 
 
@@ -82,7 +82,7 @@ def write_svg(
         if kind not in parents:
             parents[kind] = page.add(_layer(page, kind)) if layers else page
         name = f"s{number:0{digits}d}"
-        d = rings_path(stroke_rings, decimals)
+        d = rings_path(stroke_rings, min(decimals, 1) if image else decimals)
         color = drawing.color[i]
         data = {"id": name, "class": "stroke", "data-ss-class": kind, **_centre_data(drawing, i, decimals)}
         if strokes.closed[i]:
