@@ -566,6 +566,18 @@ def test_options_must_make_sense(options, message):
         LineOptions(**options)
 
 
+def test_detail_is_one_knob():
+    surface = bumpy()
+    kinds = LineOptions(lines.SURFACE_KINDS, smooth=0.02)
+    found = [feature_curves(surface, camera(), kinds.detailed(detail)) for detail in (0.3, 0.6, 1.0, 2.0, 4.0)]
+    total = [lengths(surface, curves).sum() for curves in found]
+    assert (np.diff(total) > 0).all()
+    assert kinds.detailed(1.0) == kinds
+    for bad in (0.0, -1.0, np.nan, 100.0):
+        with pytest.raises(ValueError, match="detail must lie between"):
+            kinds.detailed(bad)
+
+
 def test_kinds_are_put_in_order():
     assert LineOptions(("valley", "contour", "valley")).kinds == ("contour", "valley")
 

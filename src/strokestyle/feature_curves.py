@@ -6,7 +6,7 @@ crosses zero; they are then chained across faces into the longest polylines. Con
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -73,6 +73,14 @@ class LineOptions:
             raise ValueError(f"line option hysteresis must lie between 0 and 1, got {self.hysteresis}")
         if self.crease > 180.0:
             raise ValueError(f"line option crease must lie between 0 and 180 degrees, got {self.crease}")
+
+    def detailed(self, detail: float) -> LineOptions:
+        """These options for more (detail > 1) or fewer soft lines: all their thresholds and the smoothing at once."""
+        if not (np.isfinite(detail) and 0.1 <= detail <= 10.0):
+            raise ValueError(f"detail must lie between 0.1 and 10 (1 for the thresholds as they are), got {detail}")
+        scaled = {name: getattr(self, name) / detail for name in (*SOFT_KINDS, "sharpness", "smooth")}
+        hysteresis = self.hysteresis**detail  # 0 and 1 stay what they are
+        return replace(self, **scaled, hysteresis=hysteresis)
 
 
 @dataclass(frozen=True)

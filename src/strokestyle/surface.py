@@ -557,7 +557,7 @@ def _tips(points: np.ndarray, faces: np.ndarray, edges: np.ndarray, normal: np.n
     tip = np.zeros(len(points), bool)
     if length.max() < SHORT_CREASE:
         return tip
-    uses = np.bincount(edges.ravel(), minlength=len(points))
+    uses = np.maximum(np.bincount(edges.ravel(), minlength=len(points)), 1)
     mean = np.bincount(edges.ravel(), weights=np.repeat(length, 2), minlength=len(points)) / uses
     vertex = vertex_normals(points, faces)
     for i in range(3):
