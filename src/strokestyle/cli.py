@@ -149,7 +149,7 @@ line_options = _options(
         help="Threshold of suggestive contours, in units of the feature size.  [default: 0.01]",
     ),
     click.option(
-        "--ridge", type=click.FloatRange(0), help="Threshold of ridges, in units of the feature size.  [default: 0.5]"
+        "--ridge", type=click.FloatRange(0), help="Threshold of ridges, in units of the feature size.  [default: 0.4]"
     ),
     click.option(
         "--valley", type=click.FloatRange(0), help="Threshold of valleys, in units of the feature size.  [default: 0.1]"
@@ -158,6 +158,11 @@ line_options = _options(
         "--apparent",
         type=click.FloatRange(0),
         help="Threshold of apparent ridges, in units of the feature size.  [default: 0.1]",
+    ),
+    click.option(
+        "--detail",
+        type=click.FloatRange(0.1, 10),
+        help="More (2) or fewer (0.5) soft lines: all thresholds but the crease's at once.  [default: 1]",
     ),
     click.option(
         "--spacing", type=click.FloatRange(0.5, 50), help="Distance of the curves' points, pixels.  [default: 3]"
@@ -599,10 +604,11 @@ class Views:
     def line_options(self):
         from .feature_curves import LineOptions
 
-        given = {name: self.options[name] for name in LINE_OPTIONS[:-2] if self.options.get(name) is not None}
+        given = {name: self.options[name] for name in LINE_OPTIONS[:-3] if self.options.get(name) is not None}
         if "lines" in given:
             given["kinds"] = given.pop("lines")
-        return LineOptions(**given)
+        options = LineOptions(**given)
+        return options.detailed(self.options["detail"]) if self.options.get("detail") else options
 
     def turntable(self, count: int | None):
         """("", view), or count times ("-000", view), once round the upright axis."""
@@ -619,7 +625,7 @@ class Views:
 
 
 VIEW_OPTIONS = ("view", "camera", "fov", "up", "size")
-LINE_OPTIONS = ("lines", "crease", "suggestive", "ridge", "valley", "apparent", "spacing", "curves")
+LINE_OPTIONS = ("lines", "crease", "suggestive", "ridge", "valley", "apparent", "detail", "spacing", "curves")
 
 
 def _check_outputs(outputs, inputs) -> None:
