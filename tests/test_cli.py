@@ -220,6 +220,21 @@ def test_cameras_agree_with_named_views(tmp_path, sphere):
     assert json.loads(a.read_text())["curves"] == json.loads(b.read_text())["curves"]
 
 
+def test_more_detail_is_more_lines(tmp_path):
+    import trimesh
+
+    mesh = trimesh.creation.icosphere(subdivisions=5)
+    x, y, z = mesh.vertices.T
+    mesh.vertices *= (1 + 0.03 * np.sin(7 * x) * np.sin(6 * y) * np.cos(5 * z))[:, None]
+    mesh.export(tmp_path / "bumpy.ply")
+    length = {}
+    for detail in ("0.3", "1", "3"):
+        assert run("extract", tmp_path / "bumpy.ply", "-o", tmp_path / "a.json", "--detail", detail).exit_code == 0
+        got = json.loads((tmp_path / "a.json").read_text())
+        length[detail] = sum(len(line) for line in got["curves"])
+    assert length["0.3"] < length["1"] < length["3"]
+
+
 def test_outside_curves(tmp_path, sphere):
     line = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 128 128"><path d="M10 10L90 90"/></svg>'
     (tmp_path / "c.svg").write_text(line)
