@@ -225,7 +225,7 @@ def test_more_detail_is_more_lines(tmp_path):
 
     mesh = trimesh.creation.icosphere(subdivisions=5)
     x, y, z = mesh.vertices.T
-    mesh.vertices *= (1 + 0.03 * np.sin(7 * x) * np.sin(6 * y) * np.cos(5 * z))[:, None]
+    mesh.vertices *= (1 + 0.08 * np.sin(5 * x) * np.sin(4 * y) * np.cos(3 * z))[:, None]
     mesh.export(tmp_path / "bumpy.ply")
     length = {}
     for detail in ("0.3", "1", "5"):
