@@ -28,6 +28,7 @@ LUCK = 0.3  # how far chance decides between sources that cost about the same
 FLAW, JUMP, SEEN, OVER = 12.0, 3.0, 60.0, 4.0  # costs: of hidden rows, of a joint, of what it shows, past a strip's end
 FLAT_TAX = 0.075  # flat ink may err by this much more than strips: it is crisp at any size, and easy to edit
 SIGHT = 1.2  # px, blur under which flat ink and strips are compared
+OWN_REGRESSORS = 4  # that tone depends on beside the features: width, its logarithm, distances to both ends
 LEAST_NOISE = np.array([0.03, 0.02, 0.02, 0.02])
 TONE_COST, WIDTH_COST = 0.7, 5.8  # weights of a standard deviation of tone, of a factor e in width
 FEATHER = 3.0  # rows over which two runs fade into each other at a cut
@@ -48,7 +49,7 @@ class TextureBank:
     tone : (T, 4) float32, opacity and ink colour round a row
     fitted : (T, 4) float32, that tone as predicted from the features
     weights : (Q, 4) float32, the regression from `_regressors` to tone
-    scale : (2, P + 4) float32, mean and standard deviation of the regressors
+    scale : (2, P + OWN_REGRESSORS) float32, mean and standard deviation of the regressors
     noise : (4,) float32, standard deviation of the tone about its prediction
     margin : (1,) float32 px
     flat : (1,) float32, 1 where flat ink tells the drawing better than its strips
@@ -398,7 +399,7 @@ def _regress(design, tone, stroke, weight):
     A part of the tone that the held-out strokes do not confirm is predicted by its mean.
     """
     keep = slice(None, None, ROWS)  # rows are far from independent
-    s, w = stroke[keep], np.sqrt(weight[keep] / weight.mean() + 1e-6)[:, None]
+    s, w = stroke[keep], np.sqrt(weight[keep] / max(weight.mean(), 1e-9) + 1e-6)[:, None]
     x, y = design[keep] * w, tone[keep]
     folds = [fold for fold in (s % 5 == k for k in range(5)) if fold.any() and not fold.all()]
     mean = (y * w * w).sum(axis=0) / (w * w).sum()
@@ -441,9 +442,12 @@ def synthesise(
 ) -> tuple[Texture | None, np.ndarray]:
     """Texture for new strokes, and the flat ink of each: (Texture or None, (C, 4) straight RGBA in [0, 1]).
 
-    The same bank, strokes, features and seed give the same texture.
+    The same bank, strokes, features and seed give the same texture. Raises ValueError on features that do not fit.
     """
     features = _checked(strokes, features)
+    known = bank.scale.shape[1] - OWN_REGRESSORS
+    if features.shape[1] != known:
+        raise ValueError(f"the texture was learned with {known} feature(s) a point, got {features.shape[1]}")
     if not len(strokes):
         return None, np.zeros((0, 4))
     margin = float(bank.margin[0])
