@@ -88,7 +88,15 @@ def test_a_kill_leaves_the_last_checkpoint_in_time(tmp_path):
     assert learn(tmp_path, QUICK, checkpoint=Checkpoint(path, resume=True)) == learn(tmp_path, QUICK)
 
 
-def test_ctrl_c_waits_for_the_end_of_a_step_and_a_second_one_does_not(tmp_path):
+@pytest.fixture
+def interruptible():
+    """A process started in the background ignores SIGINT; tests of it need Python's own handler."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_waits_for_the_end_of_a_step_and_a_second_one_does_not(tmp_path, interruptible):
     checkpoint, x = Checkpoint(tmp_path / "c"), torch.zeros(1)
     checkpoint.begin({})
     before = signal.getsignal(signal.SIGINT)
