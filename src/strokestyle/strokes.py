@@ -10,6 +10,7 @@ from scipy import ndimage
 from .curves import KINDS, check_offsets
 
 FIT_STEP = 1.5  # px between the points of an outline that its cubics are fitted to
+PROBE_STEP = 0.6  # px between the points at which a loop that was cut from an outline is looked at
 STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
 NARROWING = 0.25  # px a px: the most by which a ribbon's half width falls along it
 
@@ -374,9 +375,12 @@ def _cut_loops(ring, hard, pivot, reach):
         far = np.where(hit, (along[first] - along[i])[:, None] + (along[j] - along[last])[None], np.inf)
         a, b = np.unravel_index(far.argmin(), far.shape)
         meeting = ring[i[a]] + s[a, b] * u[a]
-        loop = ring[i[a] + 1 : j[b] + 1]
-        middle = loop.mean(axis=0)
-        probes += [middle + f * (loop - middle) for f in (0.1, 0.6, 0.95)]
+        loop = np.concatenate([meeting[None], ring[i[a] + 1 : j[b] + 1]])
+        middle, low, high = loop.mean(axis=0), loop.min(axis=0), loop.max(axis=0)
+        probes += [middle + f * (loop - middle) for f in (0.1, 0.35, 0.6, 0.8, 0.95)]
+        grid = [np.arange(n) + 0.5 for n in np.clip(np.ceil((high - low) / PROBE_STEP), 5, 40)]
+        grid = np.stack(np.meshgrid(*grid), axis=-1).reshape(-1, 2)
+        probes.append(low + grid / (grid.max(axis=0) + 0.5) * (high - low))
         keep[i[a] + 1 : j[b] + 1] = False
         floor = j[b]  # the meeting point takes this vertex's place
         ring[floor], hard[floor], keep[floor] = meeting, True, True
