@@ -31,7 +31,9 @@ FORMAT = 1
 # How much a kind matters to the shape: one number, so that a kind that the exemplar lacks lies between its neighbours.
 PROMINENCE = dict.fromkeys(KINDS, 0.0) | {"contour": 1.0, "boundary": 1.0, "crease": 0.5, "intersection": 0.5}
 ENDS = (10.0, 40.0, 120.0)  # px, scales on which a stroke's ends are felt
+SHORT = 0.3  # of a stroke's length, and never a longer scale than this
 BENDS = ((6.0, 20.0), (14.0, 45.0))  # px, scale of measuring a bend and the radius at which it counts half
+SURFACE = ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")  # read off the maps
 FEATURES = (
     *(f"start_{n:.0f}" for n in ENDS), *(f"end_{n:.0f}" for n in ENDS),
     "before", "after", "past_start", "past_end", "along", "log_length",
@@ -162,7 +164,7 @@ def point_features(view: View, planned: Planned, config: StyleConfig) -> np.ndar
     and those of the stroke's making; surface features as in the paper, read where the curve lies."""
     if not len(planned):
         return np.zeros((0, len(FEATURES)))
-    maps = planned.carry(surface_at(view, ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")))
+    maps = planned.carry(surface_at(view, config.spacing))
     maps = along_strokes(maps, planned.offsets, 6.0, config.spacing)
     which, within = owner(planned.offsets), planned.beyond == 0
     along = arc_length(planned.xy, planned.offsets)
@@ -172,8 +174,9 @@ def point_features(view: View, planned: Planned, config: StyleConfig) -> np.ndar
     np.maximum.at(end, which[within], along[within])
     from_start, to_end, length = along - begin[which], end[which] - along, np.maximum(end - begin, 1e-6)[which]
     before, after = np.maximum(-from_start, 0), np.maximum(-to_end, 0)
-    columns = [np.exp(-np.maximum(from_start, 0) / n) for n in ENDS]
-    columns += [np.exp(-np.maximum(to_end, 0) / n) for n in ENDS]
+    # on a stroke too short for them, tapers shrink with it
+    columns = [np.exp(-np.maximum(from_start, 0) / np.minimum(n, SHORT * length)) for n in ENDS]
+    columns += [np.exp(-np.maximum(to_end, 0) / np.minimum(n, SHORT * length)) for n in ENDS]
     columns += [
         before / 24.0,
         after / 24.0,
@@ -198,11 +201,21 @@ def point_features(view: View, planned: Planned, config: StyleConfig) -> np.ndar
     return np.stack(columns, axis=1)
 
 
-def surface_at(view: View, names: tuple[str, ...]) -> np.ndarray:
-    """Maps at the curves' points (M, len(names)), the mean of both sides: a crease has two normals."""
-    t = tangents(view.curves.xy, view.curves.offsets, view.curves.closed)
-    across = 1.5 * np.stack([-t[:, 1], t[:, 0]], axis=1)
-    return np.mean([view.at_curves(names, view.curves.xy + k * across) for k in (-1, 0, 1)], axis=0, dtype=np.float64)
+def surface_at(view: View, spacing: float) -> np.ndarray:
+    """SURFACE at the curves' points (M, 5): the mean of both sides of a line, for a crease has two normals.
+
+    On an occluding contour the normal is known better than a pixel can show it: at right angles to the line and to the
+    view, out of the shape.
+    """
+    curves = view.curves
+    t = tangents(curves.xy, curves.offsets, curves.closed)
+    across = np.stack([-t[:, 1], t[:, 0]], axis=1)
+    out = np.mean([view.at_curves(SURFACE, curves.xy + k * across) for k in (-1.5, 0, 1.5)], axis=0, dtype=np.float64)
+    outward = along_strokes((out[:, 3:] * across).sum(axis=1), curves.offsets, 10.0, spacing)
+    contour = (curves.kind == KINDS.index("contour"))[owner(curves.offsets)]
+    out[contour, 1] = 0.0
+    out[contour, 3:] = (np.where(outward < 0, -1.0, 1.0)[:, None] * across)[contour]
+    return out
 
 
 def along_strokes(
@@ -251,7 +264,7 @@ class Frame:
     def of(cls, planned: Planned, view: View, spacing: float = 3.0) -> Frame:
         smooth = along_strokes(planned.xy, planned.offsets, 4.0, spacing, pin=True)
         t = tangents(smooth, planned.offsets)
-        normals = planned.carry(surface_at(view, ("normal_x", "normal_y")))
+        normals = planned.carry(surface_at(view, spacing)[:, 3:])
         parts = [(t, np.float32), (np.stack([-t[:, 1], t[:, 0]], axis=1), np.float32)]
         moves = moves_of(planned, normals, spacing)
         return cls(
