@@ -2,7 +2,7 @@
 
     python benchmarks/svg.py
 
-Error is the mean absolute difference, of 255, between the SVG rendered by resvg and `strokes.rasterise`.
+Error is the mean absolute difference, of 255, between the SVG rendered by resvg and `painting.rasterise`.
 """
 
 import gzip
@@ -15,7 +15,9 @@ from PIL import Image
 from scipy import ndimage
 
 from strokestyle.exemplar import separate
-from strokestyle.strokes import Drawing, Strokes, outlines, rasterise
+from strokestyle.outlines import outlines
+from strokestyle.painting import rasterise
+from strokestyle.strokes import Drawing, Strokes
 from strokestyle.svg import png_from_svg, write_svg
 from strokestyle.texture import learn_texture, synthesise
 

@@ -8,7 +8,8 @@ from test_paper import a_view
 
 from strokestyle.exemplar import separate
 from strokestyle.fit import PRESETS, fit, fit_sheet
-from strokestyle.strokes import Drawing, Strokes, rasterise
+from strokestyle.painting import rasterise
+from strokestyle.strokes import Drawing, Strokes
 from strokestyle.style import load_style, save_style
 
 QUICK = replace(PRESETS["quick"], steps=60, trace_steps=30)

@@ -7,14 +7,17 @@ import pytest
 
 SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 RANK = {
-    "files": 0, "camera": 0, "surface": 0, "curves": 0, "raster": 0, "model": 0,
+    "files": 0, "camera": 0, "surface": 0, "curves": 0, "raster": 0, "model": 0, "cubics": 0, "palette": 0,
     "feature_curves": 1, "visibility": 1, "chaining": 1, "strokes": 1, "exemplar": 1, "curve_files": 1, "planning": 1,
     "checkpoint": 1,
-    "view": 2, "svg": 2, "texture": 2,
-    "paper": 3,
-    "style": 4, "paper_fit": 4,
-    "fit": 5,
-    "cli": 6,
+    "view": 2, "outlines": 2,
+    "ribbons": 3,
+    "painting": 4,
+    "texture": 5, "svg": 5,
+    "paper": 6,
+    "style": 7, "paper_fit": 7,
+    "fit": 8,
+    "cli": 9,
 }  # fmt: skip
 TORCH = {"checkpoint", "raster", "model", "paper", "style", "paper_fit", "fit"}
 ONLY = {"svgwrite": {"svg"}, "resvg_py": {"svg"}, "click": {"cli"}, "rich": {"cli"}, "embreex": {"visibility"}}

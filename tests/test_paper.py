@@ -11,8 +11,9 @@ from strokestyle.camera import Camera
 from strokestyle.curves import Curves
 from strokestyle.exemplar import separate
 from strokestyle.fit import PRESETS, fit
+from strokestyle.painting import rasterise
 from strokestyle.paper import PaperStyle, curve_features, look_up, outside_white
-from strokestyle.strokes import Drawing, Strokes, rasterise
+from strokestyle.strokes import Drawing, Strokes
 from strokestyle.style import load_style, save_style
 from strokestyle.view import NORMAL_MAPS, PAPER_MAPS, FeatureMaps, View, plain_raster
 

@@ -7,7 +7,9 @@ import pytest
 from scipy import ndimage
 
 from strokestyle.exemplar import Exemplar
-from strokestyle.strokes import Drawing, Strokes, Texture, rasterise, ribbon
+from strokestyle.painting import rasterise
+from strokestyle.ribbons import ribbon
+from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.texture import TextureBank, learn_texture, synthesise
 
 SIZE = 320

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import torch
@@ -21,23 +21,23 @@ from . import __version__
 from .checkpoint import Checkpoint, digest
 from .exemplar import Exemplar
 from .model import AdditiveNet
-from .paper import PaperStyle
+from .painting import rasterise
+from .paper import PaperStyle, pick_device
 from .paper_fit import PaperConfig, fit_paper
 from .planning import Planned
 from .raster import coverage
-from .strokes import Drawing, Strokes, rasterise
+from .strokes import Drawing, Strokes
 from .style import (
     HAIR,
     Frame,
     Hand,
     Style,
     StyleConfig,
+    SumOfCurves,
     lifted,
-    pick_device,
     place,
     plan,
     point_features,
-    thickness_of,
 )
 from .texture import learn_texture
 from .view import View
@@ -153,7 +153,7 @@ def fit(
     clipped = np.clip(raw, low, high)
     centre, spread = clipped.mean(axis=0), np.maximum(clipped.std(axis=0), 1e-3)
     features = torch.tensor((clipped - centre) / spread, dtype=torch.float32, device=device)
-    frame = Frame.of(planned, view, style_config.spacing).to(device)
+    frame = tensors(Frame.of(planned, view, style_config.spacing), device)
     guess = measure(exemplar.mask, planned, frame)
     moves = learn_moves(frame, guess)
     network = learn_thickness(features, guess, config, style_config, seed, report)
@@ -177,8 +177,8 @@ def fit(
         )
     style = Style(
         config=style_config,
-        network=network.eval(),
-        moves=moves,
+        network=SumOfCurves(**{name: value.cpu().numpy() for name, value in network.state_dict().items()}),
+        moves=moves.cpu().numpy(),
         centre=centre,
         spread=spread,
         low=low,
@@ -190,6 +190,17 @@ def fit(
     if config.texture:
         style = _learn_texture(style, planned, features, traced, exemplar, seed, report)
     return style
+
+
+def tensors(frame: Frame, device: torch.device) -> Frame:
+    """The same frame as tensors, real numbers in float32."""
+    arrays = {f.name: torch.as_tensor(getattr(frame, f.name), device=device) for f in fields(frame)}
+    return Frame(**{name: a.float() if a.is_floating_point() else a for name, a in arrays.items()})
+
+
+def thickness_of(swell: Tensor) -> Tensor:
+    """log(thickness + HAIR) -> px. It may fall below 0, which `coverage` takes for 0 with a gradient."""
+    return torch.exp(swell) - HAIR
 
 
 @dataclass(frozen=True)

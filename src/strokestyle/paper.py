@@ -17,7 +17,8 @@ from torch.nn import functional as F
 from .curves import arc_length, owner, tangents
 from .model import PathNet, SurfaceNet, TextureNet
 from .raster import coverage
-from .strokes import Drawing, Strokes, Texture, ribbon, strip_points
+from .ribbons import ribbon, strip_points
+from .strokes import Drawing, Strokes, Texture
 from .view import PAPER_MAPS, View
 
 LEAST_THICKNESS = 0.1  # px, and a leaky slope, so that no stroke is stuck at zero (the authors' code)
@@ -69,11 +70,9 @@ class PaperStyle:
         return Drawing(strokes, size, color, texture)
 
     def state(self) -> dict:
-        """Tensors and plain values only, for the model file."""
+        """The networks' weights as arrays, for the model file."""
         nets = {name: getattr(self, name).state_dict() for name in ("surface", "path", "texture")}
-        return {
-            name: {key: value.detach().cpu().contiguous() for key, value in net.items()} for name, net in nets.items()
-        }
+        return {name: {key: value.cpu().numpy() for key, value in net.items()} for name, net in nets.items()}
 
     @classmethod
     def from_state(cls, state: dict, about: dict, device: torch.device) -> PaperStyle:
@@ -81,7 +80,7 @@ class PaperStyle:
         with torch.random.fork_rng(devices=[]):
             nets = {"surface": SurfaceNet(), "path": PathNet(), "texture": TextureNet()}
         for name, net in nets.items():
-            net.load_state_dict(state[name])
+            net.load_state_dict({key: torch.from_numpy(value) for key, value in state[name].items()})
             net.to(device).eval()
         return cls(**nets, about=about)
 
@@ -163,3 +162,14 @@ def look_up(strokes: Strokes, image: np.ndarray) -> tuple[Texture, np.ndarray]:
         colors.append([*(ink * alpha[..., None]).sum((0, 1)) / weight, alpha[:, middle].mean()])
     rgba = (np.concatenate(strips) * 255.0 + 0.5).astype(np.uint8)
     return Texture(rgba, np.r_[0, np.cumsum(counts)], MARGIN), np.clip(colors, 0, 1)
+
+
+def pick_device(name: str) -> torch.device:
+    """ "auto" | "cpu" | "cuda" -> the device. Raises ValueError where it is not there."""
+    if name == "auto":
+        name = "cuda" if torch.cuda.is_available() else "cpu"
+    if name not in ("cpu", "cuda"):
+        raise ValueError(f"device must be auto, cpu or cuda, got {name!r}")
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ValueError("device cuda: torch finds no CUDA device here; use --device cpu")
+    return torch.device(name)

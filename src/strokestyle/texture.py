@@ -14,7 +14,9 @@ from scipy import ndimage
 
 from .curves import owner
 from .exemplar import Exemplar
-from .strokes import Strokes, Texture, distance_map, ribbon, strip_points, strip_stretch
+from .painting import distance_map
+from .ribbons import ribbon, strip_points, strip_stretch
+from .strokes import Strokes, Texture
 
 ROWS = 2  # texels a px along a strip, and about as many across
 LEAST_MARGIN = 2.0  # px that strips reach beyond the half thickness, where the ink ends sharply there

@@ -1,0 +1,118 @@
+"""Smooth cubic Beziers through polygons."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def fit_cubics(rings: list[np.ndarray], corners: list[np.ndarray], tolerance: float) -> list[np.ndarray]:
+    """Smooth cubic Beziers through closed polygons, within `tolerance` of their vertices.
+
+    Schneider 1990 ("An algorithm for automatically fitting digitized curves"), all pieces of all rings in step:
+    fit by least squares with the end tangents held, reparameterise, cut where the error is worst.
+
+    Parameters
+    ----------
+    rings : polygons (n, 2), the last point joined to the first
+    corners : (n,) bool, where the outline may have a kink
+
+    Returns
+    -------
+    list of (K, 4, 2), one a ring
+    """
+    if not rings:
+        return []
+    xy, first_tangent, last_tangent, begin, end, home = [], [], [], [], [], []
+    at = 0
+    for k, (ring, corner) in enumerate(zip(rings, corners, strict=True)):
+        n = len(ring)
+        if n < 3:
+            ring, corner, n = np.concatenate([ring] * 3)[:3], np.ones(3, bool), 3
+        cut = np.flatnonzero(corner)
+        if not len(cut):
+            cut = np.array([0])
+        ring = np.concatenate([ring[cut[0] :], ring[: cut[0] + 1]])
+        corner = np.r_[corner[cut[0] :], corner[: cut[0] + 1]]
+        leave = np.diff(ring, axis=0)
+        leave = leave / np.maximum(np.hypot(leave[:, 0], leave[:, 1]), 1e-12)[:, None]
+        ahead, behind = np.concatenate([leave, leave[:1]]), np.concatenate([leave[-1:], leave])
+        middle = ahead + behind
+        size = np.hypot(middle[:, 0], middle[:, 1])
+        middle = np.where(size[:, None] > 0.2, middle / np.maximum(size, 1e-12)[:, None], ahead)
+        first_tangent.append(np.where(corner[:, None], ahead, middle))
+        last_tangent.append(np.where(corner[:, None], behind, middle))
+        stop = np.unique(np.r_[0, (cut - cut[0]), n])
+        begin.append(at + stop[:-1])
+        end.append(at + stop[1:])
+        home.append(np.full(len(stop) - 1, k))
+        xy.append(ring)
+        at += n + 1
+    xy, first_tangent, last_tangent = np.concatenate(xy), np.concatenate(first_tangent), np.concatenate(last_tangent)
+    begin, end, home = np.concatenate(begin), np.concatenate(end), np.concatenate(home)
+    done = []
+    while len(begin):
+        cubic, error, worst = _fit_spans(xy, first_tangent, last_tangent, begin, end)
+        good = (error <= tolerance) | (end - begin < 2)
+        done.append((begin[good], home[good], cubic[good]))
+        b, e, h, w = begin[~good], end[~good], home[~good], worst[~good]
+        begin, end, home = np.r_[b, w], np.r_[w, e], np.r_[h, h]
+    order = np.argsort(np.concatenate([b for b, _, _ in done]), kind="stable")
+    cubic = np.concatenate([c for _, _, c in done])[order]
+    home = np.concatenate([h for _, h, _ in done])[order]
+    return np.split(cubic, np.searchsorted(home, np.arange(1, len(rings))))
+
+
+def _fit_spans(xy, first_tangent, last_tangent, begin, end):
+    """One cubic for each span of rows begin..end (inclusive): control points, worst error, and the row to cut at."""
+    count = end - begin + 1
+    head = np.cumsum(count) - count
+    span = np.repeat(np.arange(len(begin)), count)
+    row = np.arange(count.sum()) - np.repeat(head - begin, count)
+    q = xy[row]
+    step = np.r_[0.0, np.hypot(*np.diff(q, axis=0).T)]
+    step[head] = 0.0
+    along = np.cumsum(step)
+    along = along - along[head][span]
+    length = along[head + count - 1]
+    t = along / np.maximum(length, 1e-12)[span]
+    p0, p3, t1, t2 = xy[begin], xy[end], first_tangent[begin], -last_tangent[end]
+    chord = np.hypot(*(p3 - p0).T)
+
+    def total(values):
+        return np.add.reduceat(values, head, axis=0)
+
+    for attempt in range(3):
+        b0, b1, b2, b3 = (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
+        rest = q - (b0 + b1)[:, None] * p0[span] - (b2 + b3)[:, None] * p3[span]
+        c11, c22 = total(b1 * b1), total(b2 * b2)
+        c12 = total(b1 * b2) * (t1 * t2).sum(axis=1)
+        x1, x2 = total(b1 * (rest * t1[span]).sum(axis=1)), total(b2 * (rest * t2[span]).sum(axis=1))
+        det = c11 * c22 - c12 * c12
+        solvable = (count > 2) & (det > 1e-9 * np.maximum(c11 * c22, 1e-12))
+        safe = np.where(solvable, det, 1.0)
+        h1, h2 = (x1 * c22 - x2 * c12) / safe, (c11 * x2 - c12 * x1) / safe
+        # handles that point backwards or overtake each other make loops: then a third of the way
+        solvable &= (h1 > 0.01 * chord) & (h2 > 0.01 * chord) & (h1 + h2 < 1.5 * length)
+        h1, h2 = np.where(solvable, h1, length / 3), np.where(solvable, h2, length / 3)
+        p1, p2 = p0 + h1[:, None] * t1, p3 + h2[:, None] * t2
+        curve = b0[:, None] * p0[span] + b1[:, None] * p1[span] + b2[:, None] * p2[span] + b3[:, None] * p3[span]
+        off = curve - q
+        if attempt < 2:  # one Newton step towards the nearest parameter
+            d1 = 3 * (
+                ((1 - t) ** 2)[:, None] * (p1 - p0)[span]
+                + (2 * t * (1 - t))[:, None] * (p2 - p1)[span]
+                + (t * t)[:, None] * (p3 - p2)[span]
+            )
+            d2 = 6 * ((1 - t)[:, None] * (p2 - 2 * p1 + p0)[span] + t[:, None] * (p3 - 2 * p2 + p1)[span])
+            slope = (d1 * d1 + off * d2).sum(axis=1)
+            move = (off * d1).sum(axis=1) / np.where(slope > 1e-12, slope, np.inf)
+            t = np.clip(t - move, 0.0, 1.0)
+            t[head], t[head + count - 1] = 0.0, 1.0
+    error = np.round(np.hypot(off[:, 0], off[:, 1]), 9)  # so that ties fall alike whatever else is fitted beside
+    worst = np.maximum.reduceat(error, head)
+    inner = np.where((row > begin[span]) & (row < end[span]), error, -1.0)
+    top = np.maximum.reduceat(inner, head)
+    pick = np.flatnonzero(inner == top[span])
+    at = np.full(len(begin), 0)
+    at[span[pick[::-1]]] = row[pick[::-1]]
+    return np.stack([p0, p1, p2, p3], axis=1), worst, at
