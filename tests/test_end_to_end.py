@@ -1,5 +1,6 @@
 """The whole walk through the command line: a drawing and a mesh in, another mesh drawn in that hand."""
 
+import io
 import pickle
 import re
 import xml.etree.ElementTree as ET
@@ -11,6 +12,7 @@ import trimesh
 from PIL import Image, ImageDraw
 from test_cli import refused, run
 
+from strokestyle.model_file import read_model, write_model
 from strokestyle.view import load_view
 
 VIEW = ("--size", "256", "--view", "25,35")
@@ -223,21 +225,21 @@ def test_bad_models(studio, tmp_path):
     ):
         model.write_bytes(content)
         refused("render", model, studio / "ball.ply", "-o", tmp_path / "x.svg", words=["m.pt"])
-    with zipfile.ZipFile(studio / "m.pt") as old, zipfile.ZipFile(model, "w") as new:  # torch's layout, another pickle
-        for name in old.namelist():
-            new.writestr(name, pickle.dumps(Evil()) if name.endswith("data.pkl") else old.read(name))
-    refused("render", model, studio / "ball.ply", "-o", tmp_path / "x.svg", words=["m.pt"])
+    evil = io.BytesIO()
+    np.lib.format.write_array(evil, np.array([Evil()], object))
+    for damage in (lambda data: evil.getvalue(), lambda data: data[:-9], lambda data: b"{}"):
+        with zipfile.ZipFile(studio / "m.pt") as old, zipfile.ZipFile(model, "w") as new:
+            for name in old.namelist():
+                damaged = name == ("model.json" if damage(b"") == b"{}" else "network/weight.npy")
+                new.writestr(name, damage(old.read(name)) if damaged else old.read(name))
+        refused("render", model, studio / "ball.ply", "-o", tmp_path / "x.svg", words=["m.pt"])
     refused("render", tmp_path / "no.pt", studio / "ball.ply", "-o", tmp_path / "x.svg", words=["no.pt"])
     refused("render", studio / "drawing.png", studio / "ball.ply", "-o", tmp_path / "x.svg", words=["drawing.png"])
     assert not (tmp_path / "owned").exists() and not (tmp_path / "x.svg").exists()
 
 
 def test_a_model_from_a_newer_version(studio, tmp_path):
-    import torch
-
-    payload = torch.load(studio / "m.pt", weights_only=True)
-    payload["format"] = 999
-    torch.save(payload, tmp_path / "m.pt")
+    write_model(tmp_path / "m.pt", read_model(studio / "m.pt") | {"format": 999})
     refused("render", tmp_path / "m.pt", studio / "ball.ply", "-o", tmp_path / "x.svg", words=["m.pt", "newer"])
 
 

@@ -9,17 +9,17 @@ SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 RANK = {
     "files": 0, "camera": 0, "surface": 0, "curves": 0, "raster": 0, "model": 0, "cubics": 0, "palette": 0,
     "feature_curves": 1, "visibility": 1, "chaining": 1, "strokes": 1, "exemplar": 1, "curve_files": 1, "planning": 1,
-    "checkpoint": 1,
+    "checkpoint": 1, "model_file": 1,
     "view": 2, "outlines": 2,
     "ribbons": 3,
     "painting": 4,
     "texture": 5, "svg": 5,
-    "paper": 6,
+    "paper": 6, "stages": 6,
     "style": 7, "paper_fit": 7,
     "fit": 8,
     "cli": 9,
 }  # fmt: skip
-TORCH = {"checkpoint", "raster", "model", "paper", "style", "paper_fit", "fit"}
+TORCH = {"checkpoint", "raster", "model", "paper", "paper_fit", "fit"}
 ONLY = {"svgwrite": {"svg"}, "resvg_py": {"svg"}, "click": {"cli"}, "rich": {"cli"}, "embreex": {"visibility"}}
 
 
@@ -58,3 +58,14 @@ def test_the_command_line_starts_without_the_heavy_libraries():
     heavy = {"torch", "numpy", "scipy", "trimesh", "embreex", "PIL", "rich", "svgwrite"}
     for module, top in imports(SOURCE / "cli.py"):
         assert not (top and (module in heavy or module.startswith(".") and module[1:] in RANK)), module
+
+
+def test_a_mesh_is_drawn_without_torch():
+    """Its import takes longer than all that `render` does."""
+    seen, todo = set(), ["surface", "visibility", "view", "style", "svg"]
+    while todo:
+        name = todo.pop()
+        if name not in seen:
+            seen.add(name)
+            todo += [module[1:] for module, top in imports(SOURCE / f"{name}.py") if top and module[1:] in RANK]
+    assert "texture" in seen and not seen & TORCH

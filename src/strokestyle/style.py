@@ -1,32 +1,30 @@
 """Style: what was learned from one drawing, and how it draws a view.
 
 Lengths inside a style are pixels of the canvas it was learned on; `draw` scales them to the canvas it is given.
+No torch in here: what drawing takes of it is a sum of tanh, and its import costs more than all the rest of a drawing.
 """
 
 from __future__ import annotations
 
-import io
-import pickle
-import zipfile
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from scipy import ndimage
-from torch import Tensor
 
 from . import __version__
 from .curves import KINDS, Curves, arc_length, owner, simplify, tangents
-from .files import write_bytes
-from .model import AdditiveNet
-from .paper import PaperStyle
+from .model_file import read_model, write_model
 from .planning import Planned, plan_strokes
 from .strokes import Drawing, Strokes
 from .texture import TextureBank, synthesise
 from .view import View
 
-FORMAT = 1
+if TYPE_CHECKING:
+    from .paper import PaperStyle
+
+FORMAT = 2
 
 # How much a kind matters to the shape: one number, so that a kind that the exemplar lacks lies between its neighbours.
 PROMINENCE = dict.fromkeys(KINDS, 0.0) | {"contour": 1.0, "boundary": 1.0, "crease": 0.5, "intersection": 0.5}
@@ -76,14 +74,32 @@ class Hand:
 
 
 @dataclass(frozen=True)
+class SumOfCurves:
+    """What a `model.AdditiveNet` has learned, features (N, P) -> (N,).
+
+    slope, shift, weight (P, h) float32, line (P,) float32, base () float32
+    """
+
+    slope: np.ndarray
+    shift: np.ndarray
+    weight: np.ndarray
+    line: np.ndarray
+    base: np.ndarray
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        curves = np.tanh(points[:, :, None] * self.slope + self.shift) * self.weight
+        return curves.sum(axis=(1, 2)) + points @ self.line + self.base
+
+
+@dataclass(frozen=True)
 class Style:
     """A learned style.
 
     Parameters
     ----------
     config : StyleConfig
-    network : AdditiveNet, features -> log(thickness + HAIR)
-    moves : (M,) Tensor, how much of each of MOVES the hand makes
+    network : SumOfCurves, features -> log(thickness + HAIR)
+    moves : (M,) float32, how much of each of MOVES the hand makes
     centre, spread, low, high : (P,) float64, of FEATURES over the training strokes
     hand : Hand or None
     bank : the medium, or None for flat ink
@@ -92,8 +108,8 @@ class Style:
     """
 
     config: StyleConfig
-    network: AdditiveNet
-    moves: Tensor
+    network: SumOfCurves
+    moves: np.ndarray
     centre: np.ndarray
     spread: np.ndarray
     low: np.ndarray
@@ -106,10 +122,6 @@ class Style:
     def normalise(self, features: np.ndarray) -> np.ndarray:
         """Features (N, P) -> within the range seen in training, centred and scaled."""
         return (np.clip(features, self.low, self.high) - self.centre) / self.spread
-
-    @property
-    def device(self) -> torch.device:
-        return self.moves.device
 
     def draw(self, view: View, seed: int = 0) -> Drawing:
         """Draw a view. The same seed gives the same drawing; another one, another hand's luck."""
@@ -133,15 +145,10 @@ class Style:
         if not len(planned):
             return Strokes(np.zeros((0, 2)), [], [0], [], []), features, scale
         frame = Frame.of(planned, view)
-        with torch.no_grad():
-            device = self.device
-            features_there = torch.tensor(features, dtype=torch.float32, device=device)
-            xy = place(frame.to(device), self.moves).double().cpu().numpy()
-            swell = self.network(features_there).double().cpu().numpy()
+        xy, swell = place(frame, self.moves), self.network(features)
         if self.hand is not None:
             stray = wander(self.hand, planned.offsets, np.random.default_rng(np.random.SeedSequence([seed, 0])))
-            across = frame.across.double().numpy()
-            xy, swell = xy + stray[:, :1] * across, swell + stray[:, 1]
+            xy, swell = xy + stray[:, :1] * frame.across, swell + stray[:, 1]
         thickness = np.maximum(np.exp(swell) - HAIR, 0.0)
         rows, offsets, kept = lifted(thickness, planned.offsets)
         strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool))
@@ -248,35 +255,26 @@ def curvature(planned: Planned, sigma: float, spacing: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Frame:
-    """Planned strokes as tensors: where they lie, which way is along and across, and the moves open to the hand.
+    """Planned strokes: where they lie, which way is along and across, and the moves open to the hand.
 
-    xy (N, 2), along (N, 2), across (N, 2), moves (N, M, 2) px, offsets (C+1,), within (N,) bool
+    xy (N, 2), along (N, 2), across (N, 2), moves (N, M, 2) px, offsets (C+1,), within (N,) bool; in `fit` as tensors
     """
 
-    xy: Tensor
-    along: Tensor
-    across: Tensor
-    moves: Tensor
-    offsets: Tensor
-    within: Tensor
+    xy: np.ndarray
+    along: np.ndarray
+    across: np.ndarray
+    moves: np.ndarray
+    offsets: np.ndarray
+    within: np.ndarray
 
     @classmethod
     def of(cls, planned: Planned, view: View, spacing: float = 3.0) -> Frame:
         smooth = along_strokes(planned.xy, planned.offsets, 4.0, spacing, pin=True)
         t = tangents(smooth, planned.offsets)
         normals = planned.carry(surface_at(view, spacing)[:, 3:])
-        parts = [(t, np.float32), (np.stack([-t[:, 1], t[:, 0]], axis=1), np.float32)]
+        across = np.stack([-t[:, 1], t[:, 0]], axis=1)
         moves = moves_of(planned, normals, spacing)
-        return cls(
-            torch.tensor(planned.xy, dtype=torch.float32),
-            *(torch.tensor(value.astype(kind)) for value, kind in parts),
-            torch.tensor(moves, dtype=torch.float32),
-            torch.tensor(planned.offsets),
-            torch.tensor(planned.beyond == 0),
-        )
-
-    def to(self, device) -> Frame:
-        return Frame(*(getattr(self, f.name).to(device) for f in fields(self)))
+        return cls(planned.xy, t, across, moves, planned.offsets, planned.beyond == 0)
 
 
 def moves_of(planned: Planned, normals: np.ndarray, spacing: float) -> np.ndarray:
@@ -299,14 +297,9 @@ def moves_of(planned: Planned, normals: np.ndarray, spacing: float) -> np.ndarra
     return out
 
 
-def place(frame: Frame, moves: Tensor) -> Tensor:
-    """Where the hand means to draw, (N, 2) px."""
+def place(frame: Frame, moves):
+    """Where the hand means to draw, (N, 2) px; arrays or tensors."""
     return frame.xy + (frame.moves * moves[:, None]).sum(1)
-
-
-def thickness_of(swell: Tensor) -> Tensor:
-    """log(thickness + HAIR) -> px. It may fall below 0, which `coverage` takes for 0 with a gradient."""
-    return torch.exp(swell) - HAIR
 
 
 # --------------------------------------------------------------------------------------------------------- the hand
@@ -361,110 +354,64 @@ def lifted(thickness: np.ndarray, offsets: np.ndarray, least: float = 0.5) -> tu
 
 
 def save_style(path: str | Path, style: Style | PaperStyle) -> None:
-    """Write a model file: only tensors and plain containers, read back without running code. Whole or not at all."""
+    """Write a model file: only arrays and plain values, read back without running code. Whole or not at all."""
     payload = {"format": FORMAT, "strokestyle": __version__, "about": dict(style.about)}
-    payload |= {"paper": style.state()} if isinstance(style, PaperStyle) else _state(style)
-    buffer = io.BytesIO()  # torch.save to a file would write the file's name into it
-    torch.save(payload, buffer)
-    write_bytes(path, buffer.getvalue())
+    write_model(path, payload | (_state(style) if isinstance(style, Style) else {"paper": style.state()}))
 
 
 def _state(style: Style) -> dict:
     return {
-        "config": {
-            key: list(value) if isinstance(value, tuple) else value for key, value in asdict(style.config).items()
-        },
-        "network": {name: value.detach().cpu().contiguous() for name, value in style.network.state_dict().items()},
-        "moves": style.moves.detach().cpu(),
+        "config": asdict(style.config),
+        "network": asdict(style.network),
+        "moves": style.moves,
         "features": {
             "names": list(FEATURES),
-            **{name: torch.tensor(getattr(style, name)) for name in ("centre", "spread", "low", "high", "color")},
+            **{name: getattr(style, name) for name in ("centre", "spread", "low", "high", "color")},
         },
-        "hand": None if style.hand is None else _pack(style.hand),
-        "texture": None if style.bank is None else _pack(style.bank),
+        "hand": None if style.hand is None else asdict(style.hand),
+        "texture": None if style.bank is None else asdict(style.bank),
     }
 
 
 def load_style(path: str | Path, device: str = "cpu") -> Style | PaperStyle:
-    """Read a model file.
+    """Read a model file. `device` is where the networks of a PaperStyle go; a Style has nothing to gain from one.
 
     Raises ValueError, naming the file, where it is no model, is cut short, damaged, or of a newer version; OSError
     where it cannot be read.
     """
-    path = Path(path)
-    if path.is_dir():
-        raise ValueError(f"{path}: a folder; expected a model written by `strokestyle fit`")
-    with open(path, "rb") as file:
-        head = file.read(4)
-    if not head.startswith(b"PK"):
-        raise ValueError(f"{path}: not a strokestyle model; expected a file written by `strokestyle fit`")
-    if not zipfile.is_zipfile(path):
-        raise ValueError(f"{path}: the model file is cut short; write it again with `strokestyle fit`")
-    try:
-        payload = torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, pickle.UnpicklingError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
-        raise ValueError(
-            f"{path}: not a strokestyle model, or a damaged one; write it with `strokestyle fit`"
-        ) from None
-    if not isinstance(payload, dict) or "format" not in payload or "strokestyle" not in payload:
+    payload = read_model(path)
+    if not isinstance(payload.get("format"), int) or "strokestyle" not in payload:
         raise ValueError(f"{path}: not a strokestyle model; expected a file written by `strokestyle fit`")
     if payload["format"] > FORMAT:
         raise ValueError(
             f"{path}: written by strokestyle {payload['strokestyle']} (format {payload['format']}); this is "
             f"{__version__} (format {FORMAT}): update strokestyle"
         )
-    device = pick_device(device)
+    if "paper" in payload or device not in ("auto", "cpu"):
+        from .paper import PaperStyle, pick_device
+
+        place = pick_device(device)
     try:
         if "paper" in payload:
-            return PaperStyle.from_state(payload["paper"], payload["about"], device)
-        return _unpack_style(payload, device)
+            return PaperStyle.from_state(payload["paper"], payload["about"], place)
+        return _unpack_style(payload)
     except (KeyError, TypeError, RuntimeError, AttributeError) as error:
         raise ValueError(f"{path}: a damaged strokestyle model ({error}); write it again") from None
 
 
-def _unpack_style(payload: dict, device: torch.device) -> Style:
+def _unpack_style(payload: dict) -> Style:
     known = {f.name for f in fields(StyleConfig)}
     config = {key: value for key, value in payload["config"].items() if key in known}
     config = StyleConfig(**{key: tuple(value) if isinstance(value, list) else value for key, value in config.items()})
     statistics = payload["features"]
     if tuple(statistics["names"]) != FEATURES:
         raise KeyError("its features are not those of this version")
-    with torch.random.fork_rng(devices=[]):
-        network = AdditiveNet(len(FEATURES), config.hidden)
-    network.load_state_dict(payload["network"])
-    bank = None
-    if payload["texture"] is not None:
-        bank = _unpack(TextureBank, payload["texture"])
     return Style(
         config=config,
-        network=network.to(device).eval(),
-        moves=payload["moves"].to(device),
-        hand=None if payload["hand"] is None else _unpack(Hand, payload["hand"]),
-        bank=bank,
+        network=SumOfCurves(**payload["network"]),
+        moves=payload["moves"],
+        hand=None if payload["hand"] is None else Hand(**payload["hand"]),
+        bank=None if payload["texture"] is None else TextureBank(**payload["texture"]),
         about=payload["about"],
-        **{name: statistics[name].numpy() for name in ("centre", "spread", "low", "high", "color")},
+        **{name: statistics[name] for name in ("centre", "spread", "low", "high", "color")},
     )
-
-
-def _pack(data) -> dict:
-    """A dataclass of arrays and plain values -> a dict of tensors and plain values."""
-    out = {}
-    for f in fields(data):
-        value = getattr(data, f.name)
-        out[f.name] = torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
-    return out
-
-
-def _unpack(kind, packed: dict):
-    return kind(**{name: value.numpy() if isinstance(value, Tensor) else value for name, value in packed.items()})
-
-
-def pick_device(name: str) -> torch.device:
-    """ "auto" | "cpu" | "cuda" -> the device. Raises ValueError where it is not there."""
-    if name == "auto":
-        name = "cuda" if torch.cuda.is_available() else "cpu"
-    if name not in ("cpu", "cuda"):
-        raise ValueError(f"device must be auto, cpu or cuda, got {name!r}")
-    if name == "cuda" and not torch.cuda.is_available():
-        raise ValueError("device cuda: torch finds no CUDA device here; use --device cpu")
-    return torch.device(name)
