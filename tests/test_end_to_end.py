@@ -144,6 +144,21 @@ def test_turntable(studio, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["t-000.svg", "t-001.svg", "t-002.svg"]
 
 
+def test_stages_of_several_shapes(studio, tmp_path):
+    args = ("render", studio / "m.pt", studio / "torus.obj", studio / "ball.ply", "--stages", tmp_path / "s", *VIEW)
+    assert run(*args).exit_code == 0
+    parts = ("1-curves", "2-displaced", "3-strokes", "4-textured")
+    names = {f"{part}.{suffix}" for part in parts for suffix in ("svg", "png")} | {"sheet.png"}
+    wanted = {f"{shape}-{name}" for shape in ("torus", "ball") for name in names}
+    assert {p.name for p in (tmp_path / "s").iterdir()} == wanted
+    beside = run(*args, "-o", tmp_path / "out/")
+    assert beside.exit_code == 0 and sorted(p.name for p in (tmp_path / "out").iterdir()) == ["ball.svg", "torus.svg"]
+    assert [kind for kind, _ in strokes_of(tmp_path / "s" / "torus-4-textured.svg")] == [
+        kind for kind, _ in strokes_of(tmp_path / "out" / "torus.svg")
+    ]
+    refused("render", studio / "m.pt", studio / "ball.ply", words=["-o OUT.svg, or --stages DIR"], code=2)
+
+
 def test_a_saved_view_is_drawn_like_its_mesh(studio, tmp_path):
     assert run("render", studio / "m.pt", studio / "torus.obj", "-o", tmp_path / "a.svg", *VIEW).exit_code == 0
     assert run("render", studio / "m.pt", studio / "view.npz", "-o", tmp_path / "b.svg").exit_code == 0

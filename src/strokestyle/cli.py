@@ -385,7 +385,6 @@ Examples:
     "-o",
     "--output",
     type=click.Path(),
-    required=True,
     help="OUT.svg, OUT.svgz, a folder for several drawings, or - for standard output.",
 )
 @click.option(
@@ -399,6 +398,7 @@ Examples:
 @click.option(
     "--png-scale", type=click.FloatRange(0.1, 16), default=1.0, show_default=True, help="Preview pixels per SVG pixel."
 )
+  strokestyle render model.pt mesh.obj --stages figure/
 @click.option("--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb.  [default: none]")
 @click.option(
     "--turntable", type=click.IntRange(1, 3600), metavar="N", help="N drawings round the upright axis, OUT-000.svg ..."
@@ -417,7 +417,12 @@ def render(model, shapes, output, jobs, **options):
     A folder stands for all the meshes and views in it. Where one of several shapes cannot be drawn, the others are,
     and the exit code is 1.
     """
-    plan = _plan(shapes, output, options)
+    if output is None and not options["stages"]:
+        raise click.UsageError("nothing to write: give -o OUT.svg, or --stages DIR")
+    if options["stages"]:
+        Path(options["stages"]).mkdir(parents=True, exist_ok=True)
+    plan = _plan(shapes, output or os.path.join(options["stages"], ""), options)
+    options["drawings"] = output is not None
     if jobs > 1 and len(plan) > 1:
         from concurrent.futures import ProcessPoolExecutor
         from multiprocessing import get_context
@@ -425,6 +430,13 @@ def render(model, shapes, output, jobs, **options):
         with ProcessPoolExecutor(min(jobs, len(plan)), get_context("spawn")) as pool:
             work = functools.partial(_render_one, model, dict(options, threads=max(1, (os.cpu_count() or 1) // jobs)))
             failed = _report(pool.map(work, *zip(*plan, strict=True)), len(plan))
+@click.option(
+    "--stages",
+    type=click.Path(),
+    metavar="DIR",
+    help="Write how the drawing comes about, as SVG and PNG: DIR/SHAPE-1-curves, -2-displaced, -3-strokes, "
+    "-4-textured, and all four on one -sheet.png. Takes the place of -o, or goes beside it.",
+)
     else:
         failed = _report((_render_one(model, options, shape, out) for shape, out in plan), len(plan))
     if failed:
@@ -512,26 +524,26 @@ def _draw(model: str, options: dict, shape: str, output: str) -> str:
         target = output if not suffix else str(Path(output).with_name(Path(output).stem + suffix + Path(output).suffix))
         with stage("draw"):
             drawing = style.draw(view, seed=options["seed"])
-        with stage("write the SVG"):
-            text = write_svg(
-                drawing,
-                texture=options["texture"],
-                title=Path(shape).stem,
-                background=options["background"],
-                description=f"Drawn by strokestyle {__version__}",
-            )
-            if target == "-":
-                click.echo(text, nl=False)
-            else:
-                write_text(target, text)
-        if options["png"]:
-            from .files import write_bytes
+        look = {"texture": options["texture"], "title": Path(shape).stem, "background": options["background"]}
+        if options["drawings"]:
+            with stage("write the SVG"):
+                text = write_svg(drawing, description=f"Drawn by strokestyle {__version__}", **look)
+                if target == "-":
+                    click.echo(text, nl=False)
+                else:
+                    write_text(target, text)
+            if options["png"]:
+                from .files import write_bytes
 
-            with stage("preview"):
-                preview = str(Path(target).with_suffix(".png"))
-                write_bytes(preview, png_from_svg(text, options["png_scale"]))
-                target += f", {preview}"
-        written.append(target)
+                with stage("preview"):
+                    preview = str(Path(target).with_suffix(".png"))
+                    write_bytes(preview, png_from_svg(text, options["png_scale"]))
+                    target += f", {preview}"
+            written.append(target)
+        if options["stages"]:
+            with stage("stages"):
+                name = os.path.join(options["stages"], Path(shape).stem + suffix)
+                written.append(_write_stages(name, view, drawing, options["png_scale"], look))
     many = "" if len(written) < 4 else f" ... {written[-1]}"
     note = "" if len(view.curves) else " (no visible curves from this view: an empty drawing)"
     return f"{shape}: {_count(view.curves)} -> {', '.join(written[:3]) if not many else written[0]}{many}{note}"
@@ -559,6 +571,16 @@ class Views:
             raise FileNotFoundError(f"{shape}: no such file")
 
     @functools.cached_property
+def _write_stages(name: str, view, drawing, scale: float, look: dict) -> str:
+    """Write `name`-1-curves.svg and the rest; returns what to call them."""
+    from .files import write_bytes
+    from .stages import stage_files, stages
+
+    for part, data in stage_files(stages(view, drawing, **look), scale).items():
+        write_bytes(f"{name}-{part}", data)
+    return f"{name}-sheet.png and its parts"
+
+
     def surface(self):
         from .surface import load_surface
 
