@@ -71,13 +71,14 @@ def test_help_does_not_import_torch():
 def test_what_help_says_is_what_the_library_does():
     from strokestyle.camera import DEFAULT_FOV, DEFAULT_SIZE, NAMED_VIEWS
     from strokestyle.curves import DEFAULT_SPACING
-    from strokestyle.feature_curves import LineOptions
+    from strokestyle.feature_curves import LEAST_DETAIL, MOST_DETAIL, LineOptions
     from strokestyle.fit import PRESETS
 
     assert cli.VIEWS.split(", ") == list(NAMED_VIEWS)
     assert set(cli.KIND_NAMES) <= set(KINDS)
     assert set(cli.PRESET_NAMES) == set(PRESETS)
     assert (DEFAULT_FOV, DEFAULT_SIZE, DEFAULT_SPACING) == (30, 768, 3)
+    assert (cli.LEAST_DETAIL, cli.MOST_DETAIL) == (LEAST_DETAIL, MOST_DETAIL)
     assert LineOptions().kinds == tuple(kind for kind in cli.KIND_NAMES if kind != "apparent")
     for option in cli.extract.params:
         if option.name in ("crease", "suggestive", "ridge", "valley", "apparent"):
@@ -93,6 +94,10 @@ def test_what_help_says_is_what_the_library_does():
         (["extract", "x.obj", "-o", "x.png", "--view", "sideways"], ["sideways", "three-quarter"]),
         (["extract", "x.obj", "-o", "x.png", "--size", "12"], ["12", "64 to 8192"]),
         (["extract", "x.obj", "-o", "x.png", "--lines", "contour,wrinkle"], ["wrinkle", "suggestive"]),
+        (["extract", "x.obj", "-o", "x.png", "--detail", "lots"], ["'lots'", "0.5..2"]),
+        (["extract", "x.obj", "-o", "x.png", "--detail", "0.5..nan"], ["0.5..nan", "between 0.1 and 10"]),
+        (["extract", "x.obj", "-o", "x.png", "--detail", "1..20"], ["1..20", "between 0.1 and 10"]),
+        (["extract", "x.obj", "-o", "x.png", "--detail", "2..1"], ["LOW to HIGH: 1..2"]),
         (["extract", "x.obj", "-o", "x.png", "--camera", "c.json", "--fov", "30"], ["--camera", "--fov"]),
         (["extract", "x.npz", "-o", "x.png", "--fov", "30"], ["saved view", "--fov"]),
         (["fit", "a.png"], ["SHAPE"]),
@@ -228,10 +233,11 @@ def test_more_detail_is_more_lines(tmp_path):
     mesh.vertices *= (1 + 0.08 * np.sin(5 * x) * np.sin(4 * y) * np.cos(3 * z))[:, None]
     mesh.export(tmp_path / "bumpy.ply")
     length = {}
-    for detail in ("0.3", "1", "5"):
+    for detail in ("0.3", "0.3..5", "1", "5", "5..5"):
         assert run("extract", tmp_path / "bumpy.ply", "-o", tmp_path / "a.json", "--detail", detail).exit_code == 0
         got = json.loads((tmp_path / "a.json").read_text())
         length[detail] = sum(len(line) for line in got["curves"])
+    assert length["0.3"] <= length["0.3..5"] < length["5"] == length["5..5"]
     assert length["0.3"] <= length["1"] < length["5"]
 
 

@@ -558,6 +558,7 @@ def test_named_views_of_a_bumpy_sphere():
         ({"ridge": -1.0}, "line option ridge"),
         ({"valley": np.nan}, "line option valley"),
         ({"hysteresis": 1.5}, "hysteresis"),
+        ({"follow": 0.5}, "follow"),
         ({"crease": 200.0}, "crease"),
     ],
 )
@@ -574,8 +575,30 @@ def test_detail_is_one_knob():
     assert (np.diff(total) > 0).all()
     assert kinds.detailed(1.0) == kinds
     for bad in (0.0, -1.0, np.nan, 100.0):
-        with pytest.raises(ValueError, match="detail must lie between"):
-            kinds.detailed(bad)
+        for range_ in ((bad,), (1.0, bad), (bad, 1.0)):
+            with pytest.raises(ValueError, match="detail must lie between"):
+                kinds.detailed(*range_)
+    with pytest.raises(ValueError, match=r"runs from LOW to HIGH, got 2\.\.1"):
+        kinds.detailed(2.0, 1.0)
+
+
+def test_a_range_of_detail_follows_the_lines_of_its_low_end():
+    surface = bumpy()
+    kinds = LineOptions(("suggestive", "ridge", "valley", "apparent"), smooth=0.02, trim=False)
+    assert kinds.detailed(0.7, 0.7) == kinds.detailed(0.7)
+    few, followed = (feature_curves(surface, camera(), kinds.detailed(0.7, high)) for high in (0.7, 2.0))
+    # all of what the thresholds of both ends let through, in the fields as they are smoothed for the low end
+    many = feature_curves(surface, camera(), replace(kinds.detailed(0.7, 2.0).followed(), hysteresis=0.0))
+    for kind in np.unique(many.kind):
+        part = {name: c.take(c.kind == kind) for name, c in (("few", few), ("followed", followed), ("many", many))}
+        size = {name: lengths(surface, c).sum() for name, c in part.items()}
+        assert size["few"] <= size["followed"] <= size["many"] and (size["few"] > 0.0) == (size["followed"] > 0.0)
+        assert np.isin(part["few"].face, part["followed"].face).all()
+        for i in range(len(part["followed"])):  # each of them has its reason
+            rows = slice(*part["followed"].offsets[i : i + 2])
+            assert np.isin(part["followed"].face[rows], part["few"].face).any()
+    assert lengths(surface, few).sum() < 0.9 * lengths(surface, followed).sum()
+    assert len(followed) < len(many)
 
 
 def test_kinds_are_put_in_order():

@@ -22,6 +22,7 @@ KIND_NAMES = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", 
 VIEW_SUFFIXES = (".npz",)
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".dae", ".xyz", ".wrl")
 PRESET_NAMES = ("quick", "standard", "paper")
+LEAST_DETAIL, MOST_DETAIL = 0.1, 10.0
 
 
 def say(text: str = "", level: int = 0) -> None:
@@ -94,6 +95,25 @@ class Kinds(click.ParamType):
         return names
 
 
+class Detail(click.ParamType):
+    name = "N|LOW..HIGH"
+
+    def convert(self, value, param, ctx):
+        if isinstance(value, tuple):
+            return value
+        low, dots, high = str(value).partition("..")
+        try:
+            low = float(low)
+            high = float(high) if dots else low
+        except ValueError:
+            self.fail(f"{value!r} is neither a number nor a range: give one such as 2, or 0.5..2", param, ctx)
+        if not (LEAST_DETAIL <= low <= MOST_DETAIL and LEAST_DETAIL <= high <= MOST_DETAIL):
+            self.fail(f"{value}: detail lies between {LEAST_DETAIL:g} and {MOST_DETAIL:g}", param, ctx)
+        if high < low:
+            self.fail(f"{value}: a range of detail runs from LOW to HIGH: {high:g}..{low:g}", param, ctx)
+        return low, high
+
+
 def _options(*options):
     def decorate(function):
         return functools.reduce(lambda f, option: option(f), reversed(options), function)
@@ -161,8 +181,9 @@ line_options = _options(
     ),
     click.option(
         "--detail",
-        type=click.FloatRange(0.1, 10),
-        help="More (2) or fewer (0.5) soft lines: all thresholds but the crease's at once.  [default: 1]",
+        type=Detail(),
+        help="More (2) or fewer (0.5) soft lines: all thresholds but the crease's at once. LOW..HIGH: the lines of LOW, "
+        "each followed as far as it would be drawn at HIGH.  [default: 1; 0.1<=x<=10]",
     ),
     click.option(
         "--spacing", type=click.FloatRange(0.5, 50), help="Distance of the curves' points, pixels.  [default: 3]"
@@ -239,6 +260,7 @@ Examples:
   strokestyle extract teapot.obj -o sheet.png
   strokestyle extract teapot.obj -o curves.svg -o view.npz --view 40,20
   strokestyle extract scan.ply -o lines.svg --lines contour,valley --valley 0.2
+  strokestyle extract scan.ply -o lines.svg --detail 0.5..2
   strokestyle extract part.stl --up z -o - | inkscape --pipe --export-filename=part.pdf"""
 )
 @click.argument("shape", type=click.Path())
@@ -377,6 +399,7 @@ Examples:
   strokestyle render model.pt *.ply -o drawings/
   strokestyle render model.pt meshes/ -o drawings/ --jobs 2 --view side
   strokestyle render model.pt mesh.obj -o spin/ --turntable 24 --png
+  strokestyle render model.pt mesh.obj --stages figure/
   strokestyle render model.pt mesh.obj -o - | gzip > out.svgz"""
 )
 @click.argument("model", type=click.Path())
@@ -398,10 +421,16 @@ Examples:
 @click.option(
     "--png-scale", type=click.FloatRange(0.1, 16), default=1.0, show_default=True, help="Preview pixels per SVG pixel."
 )
-  strokestyle render model.pt mesh.obj --stages figure/
 @click.option("--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb.  [default: none]")
 @click.option(
     "--turntable", type=click.IntRange(1, 3600), metavar="N", help="N drawings round the upright axis, OUT-000.svg ..."
+)
+@click.option(
+    "--stages",
+    type=click.Path(),
+    metavar="DIR",
+    help="Write how the drawing comes about, as SVG and PNG: DIR/SHAPE-1-curves, -2-displaced, -3-strokes, "
+    "-4-textured, and all four on one -sheet.png. Takes the place of -o, or goes beside it.",
 )
 @click.option(
     "--jobs", type=click.IntRange(1, 256), default=1, show_default=True, help="Shapes drawn at the same time."
@@ -427,20 +456,19 @@ def render(model, shapes, output, jobs, **options):
         from concurrent.futures import ProcessPoolExecutor
         from multiprocessing import get_context
 
-        with ProcessPoolExecutor(min(jobs, len(plan)), get_context("spawn")) as pool:
-            work = functools.partial(_render_one, model, dict(options, threads=max(1, (os.cpu_count() or 1) // jobs)))
+        workers = min(jobs, len(plan))
+        with ProcessPoolExecutor(workers, get_context("spawn"), _share_cores, (workers,)) as pool:
+            work = functools.partial(_render_one, model, options)
             failed = _report(pool.map(work, *zip(*plan, strict=True)), len(plan))
-@click.option(
-    "--stages",
-    type=click.Path(),
-    metavar="DIR",
-    help="Write how the drawing comes about, as SVG and PNG: DIR/SHAPE-1-curves, -2-displaced, -3-strokes, "
-    "-4-textured, and all four on one -sheet.png. Takes the place of -o, or goes beside it.",
-)
     else:
         failed = _report((_render_one(model, options, shape, out) for shape, out in plan), len(plan))
     if failed:
         sys.exit(1)
+
+
+def _share_cores(workers: int) -> None:
+    """In a new process, before the libraries that read this are imported."""
+    os.environ["OMP_NUM_THREADS"] = str(max(1, (os.cpu_count() or 1) // workers))
 
 
 def _report(results, total: int) -> int:
@@ -512,10 +540,6 @@ def _style(model: str, device: str):
 
 
 def _draw(model: str, options: dict, shape: str, output: str) -> str:
-    if options.get("threads"):
-        import torch
-
-        torch.set_num_threads(options["threads"])
     style = _style(model, options["device"])
     from .svg import png_from_svg, write_svg, write_text
 
@@ -549,6 +573,16 @@ def _draw(model: str, options: dict, shape: str, output: str) -> str:
     return f"{shape}: {_count(view.curves)} -> {', '.join(written[:3]) if not many else written[0]}{many}{note}"
 
 
+def _write_stages(name: str, view, drawing, scale: float, look: dict) -> str:
+    """Write `name`-1-curves.svg and the rest; returns what to call them."""
+    from .files import write_bytes
+    from .stages import stage_files, stages
+
+    for part, data in stage_files(stages(view, drawing, **look), scale).items():
+        write_bytes(f"{name}-{part}", data)
+    return f"{name}-sheet.png and its parts"
+
+
 # --------------------------------------------------------------------------------------------------------- helpers
 
 
@@ -571,16 +605,6 @@ class Views:
             raise FileNotFoundError(f"{shape}: no such file")
 
     @functools.cached_property
-def _write_stages(name: str, view, drawing, scale: float, look: dict) -> str:
-    """Write `name`-1-curves.svg and the rest; returns what to call them."""
-    from .files import write_bytes
-    from .stages import stage_files, stages
-
-    for part, data in stage_files(stages(view, drawing, **look), scale).items():
-        write_bytes(f"{name}-{part}", data)
-    return f"{name}-sheet.png and its parts"
-
-
     def surface(self):
         from .surface import load_surface
 
@@ -630,7 +654,7 @@ def _write_stages(name: str, view, drawing, scale: float, look: dict) -> str:
         if "lines" in given:
             given["kinds"] = given.pop("lines")
         options = LineOptions(**given)
-        return options.detailed(self.options["detail"]) if self.options.get("detail") else options
+        return options.detailed(*self.options["detail"]) if self.options.get("detail") else options
 
     def turntable(self, count: int | None):
         """("", view), or count times ("-000", view), once round the upright axis."""

@@ -216,13 +216,14 @@ SVG_NAMESPACE = "http://www.w3.org/2000/svg"
 LABEL = "http://www.inkscape.org/namespaces/inkscape}label"
 SHAPES = ("path", "line", "polyline", "polygon", "rect", "circle", "ellipse")
 GROUPS = ("svg", "g", "a", "switch")  # what is in any other element is not drawn, or is no line
-UNSAFE = 'it declares a document type or entities ("<!DOCTYPE", "<!ENTITY"); take that out, or save it as plain SVG'
+UNSAFE = (
+    'its document type has declarations of its own ("<!DOCTYPE svg [...]>"); save it as plain SVG, or take them out'
+)
 
 
 def _read_svg(data: bytes, size: tuple[int, int], tolerance: float) -> Curves:
     # every other byte of UTF-16 is NUL; the parser's own handlers refuse what this first look may not see
-    text = (data.replace(b"\0", b"") if b"\0" in data else data).lower()
-    if b"<!doctype" in text or b"<!entity" in text:
+    if b"<!entity" in (data.replace(b"\0", b"") if b"\0" in data else data).lower():
         raise ValueError(UNSAFE)
     if data.count(b"=") > 5 * MAX_ELEMENTS:  # the parser hands over an element whole, however many it has
         raise ValueError(f"more than {5 * MAX_ELEMENTS} attributes: simplify the drawing first")
@@ -261,7 +262,13 @@ class _SvgReader:
         self.parser = expat.ParserCreate(namespace_separator="}")
         self.parser.StartElementHandler = self.start
         self.parser.EndElementHandler = self.end
-        self.parser.StartDoctypeDeclHandler = self.parser.EntityDeclHandler = self.refuse
+        self.parser.StartDoctypeDeclHandler = self.doctype
+        self.parser.EntityDeclHandler = self.refuse
+
+    def doctype(self, name, system, public, has_subset):
+        """Old files name SVG's document type, which is not fetched; one with declarations of its own is refused."""
+        if has_subset:
+            self.refuse()
 
     def refuse(self, *_):
         raise ValueError(UNSAFE)

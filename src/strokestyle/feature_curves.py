@@ -7,7 +7,7 @@ crosses zero; they are then chained across faces into the longest polylines. Con
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from .surface import DEFAULT_CREASE, Surface
 SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")  # read off curvature, so that noise of the mesh tells
 SURFACE_KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent")
 MOST_SMOOTH = 3.0  # mean edges: a denser mesh is smoothed over less than LineOptions.smooth, or it would take long
+LEAST_DETAIL, MOST_DETAIL = 0.1, 10.0  # see LineOptions.detailed
 ECHO_FACES, ECHO_EDGES = 3, 14  # see _without_echoes
 _NEXT, _BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])  # the corners after and before corner 0, 1, 2
 
@@ -40,6 +41,7 @@ class LineOptions:
         (suggestive, ridge, valley, apparent); contours need the mesh's own normals, or they leave its silhouette
     hysteresis : strength (0..1) that a suggestive contour, ridge, valley or apparent ridge must reach somewhere;
         the rest of it may be as weak as its threshold. 0 keeps all.
+    follow : such a line is followed on to where it falls below its threshold and sharpness divided by this; 1 or more
     trim : leave out contours and apparent ridges that cannot be seen because of how a closed surface faces there
 
     Raises
@@ -57,6 +59,7 @@ class LineOptions:
     crease: float = DEFAULT_CREASE
     smooth: float = 0.007
     hysteresis: float = 0.5
+    follow: float = 1.0
     trim: bool = True
 
     def __post_init__(self):
@@ -71,16 +74,34 @@ class LineOptions:
                 raise ValueError(f"line option {item.name} must be a number from 0 on, got {value}")
         if self.hysteresis > 1.0:
             raise ValueError(f"line option hysteresis must lie between 0 and 1, got {self.hysteresis}")
+        if self.follow < 1.0:
+            raise ValueError(f"line option follow must be a number from 1 on, got {self.follow}")
         if self.crease > 180.0:
             raise ValueError(f"line option crease must lie between 0 and 180 degrees, got {self.crease}")
 
-    def detailed(self, detail: float) -> LineOptions:
-        """These options for more (detail > 1) or fewer soft lines: all their thresholds and the smoothing at once."""
-        if not (np.isfinite(detail) and 0.1 <= detail <= 10.0):
-            raise ValueError(f"detail must lie between 0.1 and 10 (1 for the thresholds as they are), got {detail}")
-        scaled = {name: getattr(self, name) / detail for name in (*SOFT_KINDS, "sharpness", "smooth")}
-        hysteresis = self.hysteresis**detail  # 0 and 1 stay what they are
-        return replace(self, **scaled, hysteresis=hysteresis)
+    def detailed(self, low: float, high: float | None = None) -> LineOptions:
+        """These options for more (above 1) or fewer (below 1) soft lines: the lines of detail `low`, each followed as
+        far as it would be drawn at detail `high`, by default the same.
+
+        A detail divides all thresholds of soft lines and the smoothing.
+        """
+        high = low if high is None else high
+        for detail in (low, high):
+            if not (np.isfinite(detail) and LEAST_DETAIL <= detail <= MOST_DETAIL):
+                raise ValueError(
+                    f"detail must lie between {LEAST_DETAIL:g} and {MOST_DETAIL:g} "
+                    f"(1 for the thresholds as they are), got {detail}"
+                )
+        if high < low:
+            raise ValueError(f"a range of detail runs from LOW to HIGH, got {low:g}..{high:g}")
+        scaled = {name: getattr(self, name) / low for name in (*SOFT_KINDS, "sharpness", "smooth")}
+        hysteresis = self.hysteresis**low  # 0 and 1 stay what they are
+        return replace(self, **scaled, hysteresis=hysteresis, follow=self.follow * high / low)
+
+    def followed(self) -> LineOptions:
+        """What the weakest part of a soft line must still be, with `follow` worked into the thresholds."""
+        weaker = {name: getattr(self, name) / self.follow for name in (*SOFT_KINDS, "sharpness")}
+        return replace(self, **weaker, follow=1.0, hysteresis=0.0)
 
 
 @dataclass(frozen=True)
@@ -184,17 +205,31 @@ def feature_curves(surface: Surface, camera: Camera, options: LineOptions | None
     Parts of closed surfaces that face away are left out where a kind cannot be seen there.
     """
     options = options or LineOptions()
-    segments = []
+    parts = []
     for kind, find in _VIEW_KINDS.items():
         if kind in options.kinds:
             shown = smoothed(surface, options.smooth) if kind in SOFT_KINDS else surface
-            segments.append(find(shown, ViewFields.of(shown, camera.eye), options))
-    view = ViewFields.of(surface, camera.eye)
-    curves = SurfaceCurves.concatenate(
-        [_chain(surface, part, camera.up, options.hysteresis) for part in segments] + [_facing(surface, view, options)]
-    )
-    curves = _without_echoes(surface, curves, options)
+            view = ViewFields.of(shown, camera.eye)
+            parts.append(_lines(surface, kind, partial(find, shown, view), camera.up, options))
+    parts.append(_facing(surface, ViewFields.of(surface, camera.eye), options))
+    curves = _without_echoes(surface, SurfaceCurves.concatenate(parts), options)
     return curves.take(np.argsort(curves.kind, kind="stable"))
+
+
+def _lines(surface: Surface, kind: str, find, up: np.ndarray, options: LineOptions) -> SurfaceCurves:
+    """The lines of one kind, chained from the segments that `find` gives for some options.
+
+    A soft line must reach `options.hysteresis` somewhere. To follow it on, it is found a second time by weaker
+    thresholds; of those lines the ones are kept that pass through a face of the first.
+    """
+    soft = kind in SOFT_KINDS
+    curves = _chain(surface, find(options), up, options.hysteresis if soft else 0.0)
+    if not (soft and options.follow > 1.0 and len(curves)):
+        return curves
+    followed = _chain(surface, find(options.followed()), up, 0.0)
+    start = np.zeros(len(surface.faces), bool)
+    start[curves.face] = True
+    return followed.take(np.logical_or.reduceat(start[followed.face], followed.offsets[:-1]))
 
 
 @lru_cache(maxsize=2)
@@ -209,14 +244,12 @@ def smoothed(surface: Surface, length: float) -> Surface:
 @lru_cache(maxsize=4)
 def surface_lines(surface: Surface, options: LineOptions) -> SurfaceCurves:
     """The lines that do not depend on the camera: boundaries, ridges, valleys."""
-    segments = [
-        find(smoothed(surface, options.smooth) if kind in SOFT_KINDS else surface, options)
-        for kind, find in _SURFACE_KINDS.items()
-        if kind in options.kinds
-    ]
-    return SurfaceCurves.concatenate(
-        [_chain(surface, part, np.array([0.0, 1.0, 0.0]), options.hysteresis) for part in segments]
-    )
+    parts = []
+    for kind, find in _SURFACE_KINDS.items():
+        if kind in options.kinds:
+            shown = smoothed(surface, options.smooth) if kind in SOFT_KINDS else surface
+            parts.append(_lines(surface, kind, partial(find, shown), np.array([0.0, 1.0, 0.0]), options))
+    return SurfaceCurves.concatenate(parts)
 
 
 def _facing(surface: Surface, view: ViewFields, options: LineOptions) -> SurfaceCurves:
@@ -383,9 +416,7 @@ def _zero_lines(surface: Surface, value: np.ndarray, kind: str, among=None, rims
         t = own / (own - other)  # signs differ, so this is never 0 / 0
         bary[row, end, odd], bary[row, end, corner] = 1.0 - t, t
     corner = surface.faces[face]
-    node = np.stack(
-        [_edge_name(surface, corner[row, odd], corner[row, other]) for other in (after, before)], axis=1
-    )
+    node = np.stack([_edge_name(surface, corner[row, odd], corner[row, other]) for other in (after, before)], axis=1)
     # walking from side (odd, after) to side (odd, before) has the odd corner on the left
     flip = ups[mixed] == 2
     bary[flip], node[flip] = bary[flip, ::-1], node[flip, ::-1]
