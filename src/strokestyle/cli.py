@@ -182,8 +182,8 @@ line_options = _options(
     click.option(
         "--detail",
         type=Detail(),
-        help="More (2) or fewer (0.5) soft lines: all thresholds but the crease's at once. LOW..HIGH: the lines of LOW, "
-        "each followed as far as it would be drawn at HIGH.  [default: 1; 0.1<=x<=10]",
+        help="More (2) or fewer (0.5) soft lines: all thresholds but the crease's at once. LOW..HIGH: the lines of "
+        "LOW, each followed as far as it would be drawn at HIGH.  [default: 1; 0.1<=x<=10]",
     ),
     click.option(
         "--spacing", type=click.FloatRange(0.5, 50), help="Distance of the curves' points, pixels.  [default: 3]"
