@@ -46,3 +46,11 @@ def test_drawing_refuses_what_does_not_belong_together():
         Drawing(line, (10, 10), [[0, 0, 0, 1]], Texture(np.zeros((4, 3, 4), np.uint8), [0, 2, 4], 1.0))
     with pytest.raises(ValueError, match="uint8"):
         Texture(np.zeros((4, 3, 4)), [0, 4], 1.0)
+
+
+def test_a_texture_has_a_margin_for_each_strip():
+    assert Texture(np.zeros((4, 6, 4), np.uint8), [0, 1, 4], 2.0).margin.tolist() == [2.0, 2.0]
+    assert Texture(np.zeros((4, 6, 4), np.uint8), [0, 1, 4], [1.0, 3.0]).margin.tolist() == [1.0, 3.0]
+    for margin, message in (([1.0, 2.0, 3.0], "shape"), ([1.0, -1.0], "got -1"), (np.nan, "got nan")):
+        with pytest.raises(ValueError, match=message):
+            Texture(np.zeros((4, 6, 4), np.uint8), [0, 1, 4], margin)

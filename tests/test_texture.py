@@ -64,13 +64,13 @@ def along(strokes):
 
 def core(texture, strokes, i, part=0.5):
     """Straight RGBA of strip i within `part` of the thickness, and without the caps: (n, a, 4) in [0, 1]."""
-    band = ribbon(strokes, i, texture.margin)
+    band = ribbon(strokes, i, texture.margin[i])
     strip = texture.rgba[texture.offsets[i] : texture.offsets[i + 1]] / 255.0
     n, a = strip.shape[:2]
     cap = int(np.ceil(n * band.half[0] / band.length)) + 8
     v = np.abs((2 * np.arange(a) + 1.0) / a - 1)
     half = 0.5 * strokes.thickness.max()
-    return strip[cap : n - cap, v * (half + texture.margin) < part * half]
+    return strip[cap : n - cap, v * (half + texture.margin[i]) < part * half]
 
 
 # ------------------------------------------------------------------------------------------------ flat or strips
@@ -95,7 +95,7 @@ def test_grain_is_copied_with_its_contrast_and_size():
     train, new = lines(9, 0), lines(5, 1)
     bank = learn_texture(train, nothing(train), grainy(train))
     texture, _ = synthesise(bank, new, nothing(new))
-    truth = Texture(bank.rgba, bank.offsets, texture.margin)
+    truth = Texture(bank.rgba, bank.offsets, texture.margin[0])
     got = np.concatenate([core(texture, new, i)[..., 3].ravel() for i in range(5)])
     want = np.concatenate([core(truth, train, i)[..., 3].ravel() for i in range(9)])
     assert got.mean() == pytest.approx(want.mean(), abs=0.05) and got.std() == pytest.approx(want.std(), rel=0.12)
@@ -188,7 +188,7 @@ def test_tone_is_continuous_where_runs_meet():
     bank = learn_texture(train, nothing(train), exemplar(rgba))
     bank = replace(bank, flat=np.zeros(1))
     made, _ = synthesise(bank, new, nothing(new))
-    truth = Texture(bank.rgba, bank.offsets, made.margin)
+    truth = Texture(bank.rgba, bank.offsets, made.margin[0])
 
     def steps(texture, strokes):
         rows = [core(texture, strokes, i)[..., 3].mean(axis=1) for i in range(len(strokes))]

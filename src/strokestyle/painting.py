@@ -158,7 +158,7 @@ def stroke_pixels(drawing: Drawing, i: int, scale: float = 1.0, texture: bool = 
     strips = drawing.texture
     strip = strips.rgba[strips.offsets[i] : strips.offsets[i + 1]].astype(np.float32) / 255.0
     strip[..., :3] *= strip[..., 3:]
-    band = ribbon(drawing.strokes, i, strips.margin, scale)
+    band = ribbon(drawing.strokes, i, strips.margin[i], scale)
     crop = crop_of(band.xy, band.half, size)
     layer = np.zeros((crop.h * crop.w, 4), np.float32)
     for pixel, u, v in ribbon_coordinates(band, crop):

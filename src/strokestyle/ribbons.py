@@ -54,7 +54,7 @@ def half_widths(strokes: Strokes, i: int, margin: float) -> np.ndarray:
 def ribbon_outlines(drawing: Drawing, tolerance: float = 0.1, index=None) -> list[list[np.ndarray]]:
     """Outlines of the ribbons that the texture fills, as `outlines` has them of the strokes."""
     strokes = drawing.strokes
-    half = [half_widths(strokes, i, drawing.texture.margin) for i in range(len(strokes))]
+    half = [half_widths(strokes, i, drawing.texture.margin[i]) for i in range(len(strokes))]
     wide = 2.0 * np.concatenate(half) if half else strokes.thickness
     return outlines(Strokes(strokes.xy, wide, strokes.offsets, strokes.kind, strokes.closed), tolerance, index)
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from .curves import KINDS, check_offsets
 
+MAX_MARGIN = 100.0  # px
+
 
 @dataclass(frozen=True)
 class Strokes:
@@ -75,22 +77,28 @@ class Texture:
         v = (2 a + 1) / A - 1, that is v times the ribbon's half width along the normal (-t_y, t_x) of the tangent t.
         That half width is `half_widths`: half the thickness, kept from narrowing abruptly, plus margin.
     offsets : (C+1,) int64
-    margin : float, pixels beyond the half thickness that the strips reach, so that soft edges are not cut
+    margin : (C,) float64, or one for all: pixels beyond the half thickness that each strip reaches, so that soft edges
+        are not cut
     """
 
     rgba: np.ndarray
     offsets: np.ndarray
-    margin: float
+    margin: np.ndarray
 
     def __post_init__(self):
         rgba, offsets = np.asarray(self.rgba), np.asarray(self.offsets, np.int64)
         if rgba.ndim != 3 or rgba.shape[2] != 4 or rgba.dtype != np.uint8 or rgba.shape[1] < 1:
             raise ValueError(f"Texture.rgba must be uint8 of shape (T, A, 4), got {rgba.dtype} {rgba.shape}")
         check_offsets(offsets, len(rgba), 1, "Texture")
-        if not 0 <= self.margin <= 100:
-            raise ValueError(f"Texture.margin must lie between 0 and 100 px, got {self.margin}")
+        margin = np.asarray(self.margin, np.float64)
+        if margin.shape not in ((), (len(offsets) - 1,)):
+            raise ValueError(f"Texture.margin must have shape ({len(offsets) - 1},), got {margin.shape}")
+        if not ((margin >= 0) & (margin <= MAX_MARGIN)).all():
+            worst = margin.flat[np.abs(margin - 0.5 * MAX_MARGIN).argmax()]
+            raise ValueError(f"Texture.margin must lie between 0 and {MAX_MARGIN:g} px, got {worst:g}")
         object.__setattr__(self, "rgba", rgba)
         object.__setattr__(self, "offsets", offsets)
+        object.__setattr__(self, "margin", np.broadcast_to(margin, (len(offsets) - 1,)))
 
 
 @dataclass(frozen=True)
