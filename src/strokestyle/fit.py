@@ -38,6 +38,7 @@ from .style import (
     place,
     plan,
     point_features,
+    surface_at,
 )
 from .texture import learn_texture
 from .view import View
@@ -148,12 +149,13 @@ def fit(
     if not len(planned):
         raise ValueError("no curves in this view are long enough to draw: nothing to learn from")
     report = _Reporter(progress, 2 * config.steps + config.trace_steps)
-    raw = point_features(view, planned, style_config)
+    surface = planned.carry(surface_at(view, style_config.spacing))
+    raw = point_features(planned, surface, style_config)
     low, high = np.percentile(raw, [0.5, 99.5], axis=0)
     clipped = np.clip(raw, low, high)
     centre, spread = clipped.mean(axis=0), np.maximum(clipped.std(axis=0), 1e-3)
     features = torch.tensor((clipped - centre) / spread, dtype=torch.float32, device=device)
-    frame = tensors(Frame.of(planned, view, style_config.spacing), device)
+    frame = tensors(Frame.of(planned, surface, style_config.spacing), device)
     guess = measure(exemplar.mask, planned, frame)
     moves = learn_moves(frame, guess)
     network = learn_thickness(features, guess, config, style_config, seed, report)

@@ -141,10 +141,11 @@ class Style:
         """Strokes in px of the style's own canvas, their normalised features (N, P), and the view's px per such px."""
         scale = max(view.camera.width, view.camera.height) / self.config.size
         planned = plan(view, self.config, scale)
-        features = self.normalise(point_features(view, planned, self.config))
+        surface = planned.carry(surface_at(view, self.config.spacing))
+        features = self.normalise(point_features(planned, surface, self.config))
         if not len(planned):
             return Strokes(np.zeros((0, 2)), [], [0], [], []), features, scale
-        frame = Frame.of(planned, view)
+        frame = Frame.of(planned, surface, self.config.spacing)
         xy, swell = place(frame, self.moves), self.network(features)
         if self.hand is not None:
             stray = wander(self.hand, planned.offsets, np.random.default_rng(np.random.SeedSequence([seed, 0])))
@@ -166,13 +167,12 @@ def plan(view: View, config: StyleConfig, scale: float = 1.0) -> Planned:
     return plan_strokes(curves, config.spacing, config.join, config.corner, config.extend)
 
 
-def point_features(view: View, planned: Planned, config: StyleConfig) -> np.ndarray:
+def point_features(planned: Planned, surface: np.ndarray, config: StyleConfig) -> np.ndarray:
     """FEATURES at every point of planned strokes, (N, P) float64. Curve features as in the paper (arc length, tangent)
-    and those of the stroke's making; surface features as in the paper, read where the curve lies."""
+    and those of the stroke's making; surface features as in the paper, SURFACE (N, 5) where the curve lies."""
     if not len(planned):
         return np.zeros((0, len(FEATURES)))
-    maps = planned.carry(surface_at(view, config.spacing))
-    maps = along_strokes(maps, planned.offsets, 6.0, config.spacing)
+    maps = along_strokes(surface, planned.offsets, 6.0, config.spacing)
     which, within = owner(planned.offsets), planned.beyond == 0
     along = arc_length(planned.xy, planned.offsets)
     begin = np.full(len(planned), np.inf)
@@ -217,7 +217,8 @@ def surface_at(view: View, spacing: float) -> np.ndarray:
     curves = view.curves
     t = tangents(curves.xy, curves.offsets, curves.closed)
     across = np.stack([-t[:, 1], t[:, 0]], axis=1)
-    out = np.mean([view.at_curves(SURFACE, curves.xy + k * across) for k in (-1.5, 0, 1.5)], axis=0, dtype=np.float64)
+    three = np.concatenate([curves.xy + k * across for k in (-1.5, 0, 1.5)])
+    out = view.at_curves(SURFACE, three).reshape(3, len(across), len(SURFACE)).mean(axis=0, dtype=np.float64)
     outward = along_strokes((out[:, 3:] * across).sum(axis=1), curves.offsets, 10.0, spacing)
     contour = (curves.kind == KINDS.index("contour"))[owner(curves.offsets)]
     out[contour, 1] = 0.0
@@ -268,12 +269,12 @@ class Frame:
     within: np.ndarray
 
     @classmethod
-    def of(cls, planned: Planned, view: View, spacing: float = 3.0) -> Frame:
+    def of(cls, planned: Planned, surface: np.ndarray, spacing: float) -> Frame:
+        """`surface` is SURFACE at the strokes' points, (N, 5)."""
         smooth = along_strokes(planned.xy, planned.offsets, 4.0, spacing, pin=True)
         t = tangents(smooth, planned.offsets)
-        normals = planned.carry(surface_at(view, spacing)[:, 3:])
         across = np.stack([-t[:, 1], t[:, 0]], axis=1)
-        moves = moves_of(planned, normals, spacing)
+        moves = moves_of(planned, surface[:, 3:], spacing)
         return cls(planned.xy, t, across, moves, planned.offsets, planned.beyond == 0)
 
 
