@@ -10,6 +10,7 @@ from strokestyle.curves import (
     resample,
     resample_curves,
     simplify,
+    simplify_all,
     take_ragged,
     tangents,
 )  # fmt: skip
@@ -95,3 +96,16 @@ def test_simplify_keeps_corners():
 def test_what_is_no_curves_is_refused(parts, word):
     with pytest.raises(ValueError, match=word):
         Curves(*parts)
+
+
+def test_simplify_all_keeps_of_each_what_simplify_keeps():
+    rng = np.random.default_rng(0)
+    lines = [np.cumsum(rng.normal(size=(n, 2)), axis=0) for n in (2, 3, 40, 200)] + [np.zeros((5, 2))]
+    lines.append(np.concatenate([lines[2], lines[2][:1]]))  # closed: the chord is a point
+    offsets = np.cumsum([0] + [len(line) for line in lines])
+    keep = simplify_all(np.concatenate(lines), offsets, 0.8)
+    for line, a, b in zip(lines, offsets[:-1], offsets[1:], strict=True):
+        assert np.flatnonzero(keep[a:b]).tolist() == simplify(line, 0.8).tolist()
+    apart = simplify_all(np.concatenate(lines), offsets, np.r_[0.8, 0.8, 5.0, 0.8, 0.8, 0.8])
+    assert apart[offsets[2] : offsets[3]].sum() < keep[offsets[2] : offsets[3]].sum()
+    assert simplify_all(np.zeros((0, 2)), np.zeros(1, int), 1.0).shape == (0,)

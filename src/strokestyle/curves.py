@@ -199,3 +199,41 @@ def simplify(xy: np.ndarray, tolerance: float) -> np.ndarray:
             keep[a + 1 + k] = True
             stack += [(a, a + 1 + k), (a + 1 + k, b)]
     return np.flatnonzero(keep)
+
+
+def simplify_all(xy: np.ndarray, offsets: np.ndarray, tolerance: float | np.ndarray) -> np.ndarray:
+    """Which points (N,) bool Ramer-Douglas-Peucker keeps of each polyline, all of them cut in step.
+
+    Parameters
+    ----------
+    xy : (N, d) float
+    offsets : (C+1,) int
+    tolerance : in units of xy; one, or one a polyline (C,)
+    """
+    keep = np.zeros(len(xy), bool)
+    keep[offsets[:-1]] = keep[offsets[1:] - 1] = True
+    slack = np.broadcast_to(np.asarray(tolerance, np.float64), (len(offsets) - 1,))
+    a, b = np.asarray(offsets[:-1]), np.asarray(offsets[1:]) - 1
+    columns = np.ascontiguousarray(np.asarray(xy, np.float64).T)
+    while True:
+        wide = b - a > 1
+        a, b, slack = a[wide], b[wide], slack[wide]
+        if not len(a):
+            return keep
+        count = b - a - 1  # points between the ends
+        head = np.cumsum(count) - count
+        span = np.repeat(np.arange(len(a)), count)
+        row = np.arange(len(span)) + (a + 1 - head)[span]
+        chord = columns[:, b] - columns[:, a]
+        size = np.maximum(np.square(chord).sum(axis=0), 1e-18)
+        rel = [column[row] - column[a][span] for column in columns]
+        t = sum(r * (c / size)[span] for r, c in zip(rel, chord, strict=True))
+        np.clip(t, 0.0, 1.0, out=t)
+        square = sum(np.square(r - t * c[span]) for r, c in zip(rel, chord, strict=True))
+        worst = np.maximum.reduceat(square, head)
+        pick = np.flatnonzero(square == worst[span])
+        at = np.zeros(len(a), np.int64)
+        at[span[pick[::-1]]] = row[pick[::-1]]  # of equals the first
+        cut = worst > np.square(slack)
+        keep[at[cut]] = True
+        a, b, slack = np.r_[a[cut], at[cut]], np.r_[at[cut], b[cut]], np.r_[slack[cut], slack[cut]]
