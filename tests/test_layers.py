@@ -8,8 +8,9 @@ import pytest
 SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 RANK = {
     "files": 0, "camera": 0, "surface": 0, "curves": 0, "raster": 0, "model": 0, "cubics": 0, "palette": 0,
+    "svg_text": 0,
     "feature_curves": 1, "visibility": 1, "chaining": 1, "strokes": 1, "exemplar": 1, "curve_files": 1, "planning": 1,
-    "checkpoint": 1, "model_file": 1,
+    "checkpoint": 1, "svg_page": 1, "model_file": 1,
     "view": 2, "outlines": 2,
     "ribbons": 3,
     "painting": 4,
@@ -20,7 +21,7 @@ RANK = {
     "cli": 9,
 }  # fmt: skip
 TORCH = {"checkpoint", "raster", "model", "paper", "paper_fit", "fit"}
-ONLY = {"svgwrite": {"svg"}, "resvg_py": {"svg"}, "click": {"cli"}, "rich": {"cli"}, "embreex": {"visibility"}}
+ONLY = {"resvg_py": {"svg"}, "click": {"cli"}, "rich": {"cli"}, "embreex": {"visibility"}}
 
 
 def imports(path):
@@ -55,7 +56,7 @@ def test_imports_point_down(name):
 
 
 def test_the_command_line_starts_without_the_heavy_libraries():
-    heavy = {"torch", "numpy", "scipy", "trimesh", "embreex", "PIL", "rich", "svgwrite"}
+    heavy = {"torch", "numpy", "scipy", "trimesh", "embreex", "PIL", "rich"}
     for module, top in imports(SOURCE / "cli.py"):
         assert not (top and (module in heavy or module.startswith(".") and module[1:] in RANK)), module
 

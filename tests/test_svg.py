@@ -17,12 +17,10 @@ from strokestyle.strokes import Drawing, Strokes, Texture, signed_distance
 from strokestyle.svg import (
     plain_svg,
     png_from_svg,
-    polyline_path,
-    printable,
-    rings_path,
     save_svg,
     write_svg,
 )
+from strokestyle.svg_text import polyline_path, printable, rings_path
 
 SVG = "{http://www.w3.org/2000/svg}"
 XLINK = "{http://www.w3.org/1999/xlink}"
@@ -84,12 +82,12 @@ def test_layers_lie_in_painting_order_and_hold_every_stroke():
     assert [len(g) for g in layers] == [int((flat.strokes.kind == KINDS.index(g.get("class"))).sum()) for g in layers]
     ids = [e.get("id") for e in root.iter() if e.get("id")]
     assert len(ids) == len(set(ids))
-    flat_order = ET.fromstring(write_svg(flat, layers=False))
+    flat_order = ET.fromstring(write_svg(flat, layers="none"))
     assert [e.get("id") for e in flat_order if e.get("class") == "stroke"] == [f"s{n:03d}" for n in range(12)]
 
 
 def test_page_has_physical_size_title_and_nothing_to_load():
-    text = write_svg(drawing(texture="grain"), title="Cup <1> & \"2\"", description="a\x00b")
+    text = write_svg(drawing(texture="grain"), title='Cup <1> & "2"', description="a\x00b")
     root = ET.fromstring(text)
     assert root.get("viewBox") == "0 0 160 120" and root.get("width") == "42.3333mm" and root.get("height") == "31.75mm"
     assert root.find(f"{SVG}title").text == 'Cup <1> & "2"' and root.find(f"{SVG}desc").text == "ab"

@@ -1,0 +1,84 @@
+"""Numbers, paths and elements as SVG text."""
+
+from __future__ import annotations
+
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+
+def element(name: str, attributes: dict[str, str], content: str = "") -> str:
+    """One element on a line of its own: files go under version control, and text editors open them.
+
+    `content` is markup, as this function or `words` gives it.
+    """
+    given = "".join(f' {key}="{_attribute(value)}"' for key, value in attributes.items())
+    return f"\n<{name}{given}>{content}</{name}>" if content else f"\n<{name}{given}/>"
+
+
+def words(text: str) -> str:
+    """Text as an element's content."""
+    return escape(printable(text))
+
+
+def _attribute(value: str) -> str:
+    if value.isascii() and value.isprintable():  # all but names: no need to look at every character
+        return escape(value, {'"': "&quot;"}) if '"' in value or "&" in value or "<" in value else value
+    return escape(printable(value), {'"': "&quot;", "\n": "&#10;", "\t": "&#9;"})
+
+
+def printable(text: str) -> str:
+    """Text without what XML 1.0 cannot hold; markup characters are escaped by `element` and `words`."""
+    return "".join(c for c in text if c in "\t\n" or " " <= c < "\ud800" or "\ue000" <= c <= "\ufffd" or c > "\uffff")
+
+
+# ------------------------------------------------------------------------------------------------------- numbers
+
+
+def number(value: float, decimals: int) -> str:
+    """The shortest text of a number with at most so many decimals."""
+    text = f"{value:.{decimals}f}"
+    if "." in text:
+        text = text.rstrip("0").rstrip(".")
+    if text.startswith("0."):
+        return text[1:]
+    return "-" + text[2:] if text.startswith("-0.") else "0" if text == "-0" else text
+
+
+def units(values: np.ndarray, decimals: int) -> np.ndarray:
+    """Values in whole numbers of 10^-decimals."""
+    return np.rint(np.asarray(values) * 10**decimals).astype(np.int64)
+
+
+def numbers(values: np.ndarray, decimals: int) -> list[str]:
+    """Whole numbers of 10^-decimals -> text, flat; every value is formatted once."""
+    distinct, index = np.unique(values, return_inverse=True)
+    text = np.array([number(v / 10**decimals, decimals) for v in distinct.tolist()], dtype=object)
+    return text[index.ravel()].tolist()
+
+
+# --------------------------------------------------------------------------------------------------------- paths
+
+
+def rings_path(rings: list[np.ndarray], decimals: int = 2) -> str:
+    """Rings of cubics [(K, 4, 2), ...] as path data with relative coordinates."""
+    parts = []
+    for ring in rings:
+        points = units(ring, decimals)
+        begin = points[:, :1]
+        steps = numbers(points[:, 1:] - begin, decimals)
+        head = numbers(points[0, 0], decimals)
+        parts.append(f"M{head[0]} {head[1]}c{' '.join(steps)}z")
+    return "".join(parts).replace(" -", "-")
+
+
+def polyline_path(xy: np.ndarray, decimals: int = 2, closed: bool = False) -> str:
+    """A polyline (n, 2) as path data with relative coordinates; a closed one repeats its first point, which z draws."""
+    points = units(xy[:-1] if closed and len(xy) > 2 else xy, decimals)
+    head, steps = numbers(points[0], decimals), numbers(np.diff(points, axis=0), decimals)
+    return f"M{head[0]} {head[1]}l{' '.join(steps)}{'z' if closed else ''}".replace(" -", "-")
+
+
+def hex_color(color) -> str:
+    """(r, g, b) in [0, 1] as #rrggbb."""
+    return "#" + np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8).tobytes().hex()
