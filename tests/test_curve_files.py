@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from strokestyle import curve_files
-from strokestyle.curve_files import flatten, kind_named, load_curves, parse_path, parse_transform
+from strokestyle import curve_files, svg_syntax
+from strokestyle.curve_files import kind_named, load_curves
 from strokestyle.curves import KINDS, Curves
 from strokestyle.svg import plain_svg, png_from_svg
+from strokestyle.svg_syntax import flatten, parse_path, parse_transform
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" {}>{}</svg>'
 
@@ -457,7 +458,7 @@ def test_declarations_are_refused_in_every_encoding(tmp_path, encoding):
 def test_the_parser_itself_refuses_declarations():
     for declared in (BOMB, SUBSET + "<svg/>"):
         with pytest.raises(ValueError, match="DOCTYPE"):
-            curve_files._SvgReader((9, 9)).parser.Parse(declared, True)
+            svg_syntax.Walker(print, print).parser.Parse(declared, True)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
@@ -489,7 +490,7 @@ def test_references_are_not_followed(tmp_path):
     ],
 )
 def test_large_files_are_refused(tmp_path, monkeypatch, limit, value, found):
-    monkeypatch.setattr(curve_files, limit, value)
+    monkeypatch.setattr(curve_files if limit == "MAX_CURVES" else svg_syntax, limit, value)
     body = '<path d="M1 1h1h1h1h1h1"/><path d="M2 2h1"/><path d="M2 2h1"/>'
     with pytest.raises(ValueError, match=found):
         load(tmp_path, body)
@@ -503,10 +504,10 @@ def test_large_files_are_refused(tmp_path, monkeypatch, limit, value, found):
 
 
 def test_crowds_are_refused_before_they_are_parsed(tmp_path, monkeypatch):
-    monkeypatch.setattr(curve_files, "MAX_ELEMENTS", 3)
+    monkeypatch.setattr(svg_syntax, "MAX_ELEMENTS", 3)
     with pytest.raises(ValueError, match="15 attributes"):
         load(tmp_path, "<g " + " ".join(f'a{i}="1"' for i in range(20)) + "/>")
-    monkeypatch.setattr(curve_files, "MAX_POINTS", 3)
+    monkeypatch.setattr(svg_syntax, "MAX_POINTS", 3)
     (tmp_path / "c.json").write_text('{"curves": [' + "[]," * 30 + "[]]}")
     with pytest.raises(ValueError, match="24 lists"):
         load_curves(tmp_path / "c.json", (9, 9))
@@ -520,7 +521,7 @@ def test_depth_is_limited(tmp_path):
 
 
 def test_an_svgz_is_limited_by_what_it_unpacks_to(tmp_path, monkeypatch):
-    monkeypatch.setattr(curve_files, "MAX_BYTES", 10_000)
+    monkeypatch.setattr(svg_syntax, "MAX_BYTES", 10_000)
     path = tmp_path / "c.svgz"
     path.write_bytes(gzip.compress(b"<svg>" + b" " * 10**6 + b"<path d='M0 0L9 9'/></svg>"))
     assert path.stat().st_size < 5_000
