@@ -22,6 +22,7 @@ SHORT_CREASE = 0.03  # of the longest side: sharp edges that reach less far are 
 WELD = 1e-6  # of the longest side: boundary vertices nearer than this are one vertex
 THIN = 1e-4  # of the longest side: the normal of a lower face is mostly the rounding of its corners
 _CELLS = 2**21  # per axis: the grid on which equal positions are found; 3 x 21 bits fit an int64
+BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
 _TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a mesh of size 1
 
 # What trimesh needs on top of itself to read a format.
@@ -723,41 +724,15 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     if blur is not None:
         normals = _unit(blur(normals))
     x, y = _tangent_frame(normals)
-
     areas = corner_areas(vertices, faces)
-    share = areas.ravel() / np.maximum(_scatter(index, areas.ravel(), count), _TINY)[index]  # (3F,)
+    share = (areas.ravel() / np.maximum(_scatter(index, areas.ravel(), count), _TINY)[index]).reshape(-1, 3)
 
-    # the face's own frame (t, b, n), and its sides in it
-    side = _sides(vertices, faces)
-    t = _unit(side[0])
-    n = _unit(np.cross(side[0], side[1]))
-    b = np.cross(n, t)
-    u = np.stack([_dot(s, t) for s in side])  # (3, F)
-    v = np.stack([_dot(s, b) for s in side])
-    uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
-    flat = vv * uu > 1e-16 * (uu + vv) ** 2  # a sliver says nothing across its length: give it no vote
-    share = (share.reshape(-1, 3) * flat[:, None]).ravel()
-
-    # e^(i phi): t, seen in each corner's vertex frame after the shortest rotation of n onto the vertex normal
-    corner_normals = [normals[faces[:, i]] for i in range(3)]
-    turn = np.empty(faces.shape, complex)
-    for i in range(3):
-        tilt = _dot(t, corner_normals[i]) / np.maximum(1.0 + _dot(n, corner_normals[i]), 1e-6)
-        rotated = t - tilt[:, None] * n  # less a part along the vertex normal, which x and y do not see
-        turn[:, i].real = _dot(rotated, x[faces[:, i]])
-        turn[:, i].imag = _dot(rotated, y[faces[:, i]])
-    size = np.abs(turn)
-    turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)
-    turn_twice = turn * turn
-
-    # second fundamental form: dn = II . side
-    dn = [corner_normals[i - 1] - corner_normals[i - 2] for i in range(3)]
-    du = np.stack([_dot(d, t) for d in dn])
-    dv = np.stack([_dot(d, b) for d in dn])
-    right = [(du * u).sum(axis=0), (du * v + dv * u).sum(axis=0), (dv * v).sum(axis=0)]
-    e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right, rtsc)
-    mean = _scatter(index, np.repeat(0.5 * (e + g), 3) * share, count)
-    deviator = _scatter(index, ((0.5 * (e - g) + 1j * f)[:, None] * turn_twice).ravel() * share, count)
+    blocks = [slice(i, i + BLOCK) for i in range(0, len(faces), BLOCK)]
+    frames = [_face_frames(vertices, faces[block], share[block], normals, x, y) for block in blocks]
+    mean, deviator = np.empty(faces.shape), np.empty(faces.shape, complex)
+    for block, frame in zip(blocks, frames, strict=True):
+        mean[block], deviator[block] = _forms(frame, normals[faces[block]], rtsc)
+    mean, deviator = _scatter(index, mean.ravel(), count), _scatter(index, deviator.ravel(), count)
     if blur is not None:
         mean, deviator = _blur_tensor(blur, mean, deviator, x, y)
 
@@ -771,9 +746,78 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     pdir1 = axis.real[:, None] * x + axis.imag[:, None] * y
     pdir2 = axis.real[:, None] * y - axis.imag[:, None] * x
 
-    # derivative tensor: differences of the form, seen in the face's frame, along the sides
-    seen = (deviator[faces] * np.conj(turn_twice)).T
-    h = mean[faces.T]
+    one, three = np.empty(faces.shape, complex), np.empty(faces.shape, complex)
+    for block, frame in zip(blocks, frames, strict=True):
+        one[block], three[block] = _derivatives(frame, mean[faces[block]], deviator[faces[block]])
+    one = _scatter(index, one.ravel(), count) / axis
+    three = _scatter(index, three.ravel(), count) / (axis * axis * axis)
+    dcurv = np.stack(
+        [one.real + three.real, one.imag / 3.0 + three.imag, one.real / 3.0 - three.real, one.imag - three.imag], axis=1
+    )
+    return normals, k1, k2, pdir1, pdir2, dcurv, feature_size(vertices, k1, k2, rtsc)
+
+
+@dataclass(frozen=True)
+class _FaceFrames:
+    """Frames (t, b, n) of some faces (F,), and what turns them into the frames (x, y) of their corners.
+
+    t, b : (F, 3)
+    u, v : (3, F), the sides in the frame, side i opposite corner i
+    turn : (F, 3) complex, e^(i phi): t, seen in each corner's frame after the shortest rotation of n onto its normal
+    share : (F, 3), of each corner's average
+    """
+
+    t: np.ndarray
+    b: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    turn: np.ndarray
+    share: np.ndarray
+
+
+def _face_frames(vertices, faces, share, normals, x, y) -> _FaceFrames:
+    side = _sides(vertices, faces)
+    t = _unit(side[0])
+    n = _unit(np.cross(side[0], side[1]))
+    b = np.cross(n, t)
+    u = np.stack([_dot(s, t) for s in side])
+    v = np.stack([_dot(s, b) for s in side])
+    uu, vv = (u * u).sum(axis=0), (v * v).sum(axis=0)
+    flat = vv * uu > 1e-16 * (uu + vv) ** 2  # a sliver says nothing across its length: give it no vote
+    turn = np.empty(faces.shape, complex)
+    for i in range(3):
+        corner_normal = normals[faces[:, i]]
+        tilt = _dot(t, corner_normal) / np.maximum(1.0 + _dot(n, corner_normal), 1e-6)
+        rotated = t - tilt[:, None] * n  # less a part along the vertex normal, which x and y do not see
+        turn[:, i].real = _dot(rotated, x[faces[:, i]])
+        turn[:, i].imag = _dot(rotated, y[faces[:, i]])
+    size = np.abs(turn)
+    turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)
+    return _FaceFrames(t, b, u, v, turn, share * flat[:, None])
+
+
+def _forms(frame: _FaceFrames, normals: np.ndarray, rtsc: bool) -> tuple[np.ndarray, np.ndarray]:
+    """What each corner (F, 3) adds to its vertex's second fundamental form, II . side = dn: mean and deviator."""
+    u, v = frame.u, frame.v
+    uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
+    dn = [normals[:, i - 1] - normals[:, i - 2] for i in range(3)]
+    du = np.stack([_dot(d, frame.t) for d in dn])
+    dv = np.stack([_dot(d, frame.b) for d in dn])
+    right = [(du * u).sum(axis=0), (du * v + dv * u).sum(axis=0), (dv * v).sum(axis=0)]
+    e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right, rtsc)
+    mean = (0.5 * (e + g))[:, None] * frame.share
+    deviator = (0.5 * (e - g) + 1j * f)[:, None] * (frame.turn * frame.turn) * frame.share
+    return mean, deviator
+
+
+def _derivatives(frame: _FaceFrames, mean: np.ndarray, deviator: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What each corner (F, 3) adds to its vertex's derivative tensor, given the form at the corners: its two parts."""
+    u, v = frame.u, frame.v
+    uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
+    turn_twice = frame.turn * frame.turn
+    # differences of the form, seen in the face's frame, along the sides
+    seen = (deviator * np.conj(turn_twice)).T
+    h = mean.T
     d_mean = np.stack([h[i - 1] - h[i - 2] for i in range(3)])
     d_dev = np.stack([seen[i - 1] - seen[i - 2] for i in range(3)])
     d_uu, d_uv, d_vv = d_mean + d_dev.real, d_dev.imag, d_mean - d_dev.real
@@ -783,15 +827,10 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
         (2.0 * v * d_uv + u * d_vv).sum(axis=0),
         (v * d_vv).sum(axis=0),
     ]
-    p_, q, r, s = _solve_tridiagonal([uu, 2.0 * uu + vv, uu + 2.0 * vv, vv], [uv, 2.0 * uv, uv], right)
-    one = (0.75 * ((p_ + r) + 1j * (q + s)))[:, None] * turn
-    three = (0.25 * ((p_ - 3.0 * r) + 1j * (3.0 * q - s)))[:, None] * (turn_twice * turn)
-    one = _scatter(index, one.ravel() * share, count) / axis
-    three = _scatter(index, three.ravel() * share, count) / (axis * axis * axis)
-    dcurv = np.stack(
-        [one.real + three.real, one.imag / 3.0 + three.imag, one.real / 3.0 - three.real, one.imag - three.imag], axis=1
-    )
-    return normals, k1, k2, pdir1, pdir2, dcurv, feature_size(vertices, k1, k2, rtsc)
+    p, q, r, s = _solve_tridiagonal([uu, 2.0 * uu + vv, uu + 2.0 * vv, vv], [uv, 2.0 * uv, uv], right)
+    one = (0.75 * ((p + r) + 1j * (q + s)))[:, None] * frame.turn * frame.share
+    three = (0.25 * ((p - 3.0 * r) + 1j * (3.0 * q - s)))[:, None] * (turn_twice * frame.turn) * frame.share
+    return one, three
 
 
 def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray, rtsc: bool = False) -> float:
