@@ -18,7 +18,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 # Text for --help, so that it needs no import; tests/test_cli.py checks it against the library.
 VIEWS = "front, three-quarter, side, back, top"
-KIND_NAMES = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent")
+KIND_NAMES = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent", "intersection")
 VIEW_SUFFIXES = (".npz",)
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".dae", ".xyz", ".wrl")
 PRESET_NAMES = ("quick", "standard", "paper")

@@ -1,4 +1,5 @@
-"""Lines on the surface: contours, suggestive contours, apparent ridges, ridges, valleys, creases, boundaries.
+"""Lines on the surface: contours, suggestive contours, apparent ridges, ridges, valleys, creases, boundaries,
+intersections.
 
 Segments are found face by face, below the resolution of the mesh, where a linearly interpolated per-vertex field
 crosses zero; they are then chained across faces into the longest polylines. Conventions and thresholds are rtsc's.
@@ -13,11 +14,13 @@ import numpy as np
 
 from .camera import Camera
 from .curves import KINDS, check_offsets, take_ragged
+from .intersections import crossings
 from .surface import DEFAULT_CREASE, Surface
 
 SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")  # read off curvature, so that noise of the mesh tells
-SURFACE_KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent")
+SURFACE_KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent", "intersection")
 MOST_SMOOTH = 3.0  # mean edges: a denser mesh is smoothed over less than LineOptions.smooth, or it would take long
+LEAST_CROSSING = 10.0  # degrees, see intersection_segments
 LEAST_DETAIL, MOST_DETAIL = 0.1, 10.0  # see LineOptions.detailed
 ECHO_FACES, ECHO_EDGES = 3, 14  # see _without_echoes
 _NEXT, _BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])  # the corners after and before corner 0, 1, 2
@@ -50,7 +53,7 @@ class LineOptions:
         on an unknown kind or a threshold out of range.
     """
 
-    kinds: tuple[str, ...] = ("contour", "boundary", "crease", "suggestive", "ridge", "valley")
+    kinds: tuple[str, ...] = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "intersection")
     suggestive: float = 0.01
     ridge: float = 0.4
     valley: float = 0.1
@@ -201,8 +204,8 @@ def _interpolate(surface: Surface, face: np.ndarray, bary: np.ndarray, values: n
 def feature_curves(surface: Surface, camera: Camera, options: LineOptions | None = None) -> SurfaceCurves:
     """All lines of `options.kinds` as seen by `camera`, hidden ones included, kind by kind in KINDS order.
 
-    Ridges, valleys and boundaries do not depend on the camera and are found once per surface and options.
-    Parts of closed surfaces that face away are left out where a kind cannot be seen there.
+    Ridges, valleys, boundaries and intersections do not depend on the camera and are found once per surface and
+    options. Parts of closed surfaces that face away are left out where a kind cannot be seen there.
     """
     options = options or LineOptions()
     parts = []
@@ -243,7 +246,7 @@ def smoothed(surface: Surface, length: float) -> Surface:
 
 @lru_cache(maxsize=4)
 def surface_lines(surface: Surface, options: LineOptions) -> SurfaceCurves:
-    """The lines that do not depend on the camera: boundaries, ridges, valleys."""
+    """The lines that do not depend on the camera: boundaries, ridges, valleys, intersections."""
     parts = []
     for kind, find in _SURFACE_KINDS.items():
         if kind in options.kinds:
@@ -259,7 +262,8 @@ def _facing(surface: Surface, view: ViewFields, options: LineOptions) -> Surface
         return curves
     front = (view.n_dot_v > 0.0) | ~surface.closed_vertices
     seen = front[surface.faces[curves.face]].any(axis=1)
-    return curves.take((curves.kind == KINDS.index("boundary")) | (np.add.reduceat(seen, curves.offsets[:-1]) > 0))
+    soft = np.isin(curves.kind, [KINDS.index(kind) for kind in SOFT_KINDS])
+    return curves.take(~soft | (np.add.reduceat(seen, curves.offsets[:-1]) > 0))
 
 
 def _without_echoes(surface: Surface, curves: SurfaceCurves, options: LineOptions) -> SurfaceCurves:
@@ -754,13 +758,47 @@ def _edge_segments(surface: Surface, edge: np.ndarray, kind: str, side: int = 0)
     return Segments(KINDS.index(kind), face, bary, node, np.ones((len(edge), 2)))
 
 
+def intersection_segments(surface: Surface, options: LineOptions) -> Segments:
+    """Where connected components pass through each other, in the faces of one. Ends are named by place.
+
+    Not where both run along each other, at less than LEAST_CROSSING: two skins of one shape cross wherever their faces
+    happen to, and there is no line to be seen.
+    """
+    found = crossings(surface.vertices, surface.faces, surface.component)
+    bary = [_barycentric(surface.vertices[surface.faces[face]], found.points) for face in found.face.T]
+    normals = [
+        _interpolate(surface, face, at.mean(axis=1), surface.normals)
+        for face, at in zip(found.face.T, bary, strict=True)
+    ]
+    across = np.cross(*normals)
+    sine = np.sqrt(_rowdot(across, across) / np.maximum(np.prod([_rowdot(n, n) for n in normals], axis=0), 1e-30))
+    segments = Segments(KINDS.index("intersection"), found.face[:, 0], bary[0], found.node, np.ones((len(found), 2)))
+    return segments.take(np.flatnonzero(sine > np.sin(np.radians(LEAST_CROSSING))))
+
+
+def _barycentric(corner: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Weights (S, 2, 3) of the corners (S, 3, 3) of faces at points (S, 2, 3) in them."""
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    normal = np.cross(a, b)
+    across = np.stack([np.cross(b, normal), np.cross(normal, a)], axis=1)  # each at right angles to the other side
+    rel = points - corner[:, :1]
+    weight = np.einsum("sek,sik->sei", rel, across) / _rowdot(normal, normal)[:, None, None]
+    bary = np.clip(np.concatenate([1.0 - weight.sum(axis=2, keepdims=True), weight], axis=2), 0.0, 1.0)
+    return bary / bary.sum(axis=2, keepdims=True)
+
+
 _VIEW_KINDS = {
     "contour": contour_segments,
     "crease": crease_segments,
     "suggestive": suggestive_segments,
     "apparent": apparent_segments,
 }
-_SURFACE_KINDS = {"boundary": boundary_segments, "ridge": ridge_segments, "valley": valley_segments}
+_SURFACE_KINDS = {
+    "boundary": boundary_segments,
+    "ridge": ridge_segments,
+    "valley": valley_segments,
+    "intersection": intersection_segments,
+}
 
 
 # -------------------------------------------------------------------------------------------------------- chaining
