@@ -67,26 +67,28 @@ def coverage(
     elements, stroke, slab = _elements(xy, radius, offsets)
     with torch.no_grad():
         element, pixel = _near(elements, stroke, slab, offsets, image, height, width)
-        wide = elements + HAIR * (torch.arange(6, device=xy.device) == 4)
+        wide = elements + HAIR * (torch.arange(6, device=xy.device) == 4)[:, None]
         cover, normal = _cover(wide, slab, element, _centre(pixel, height, width))
-        touched = cover > 0
-        element, pixel, cover, normal = element[touched], pixel[touched], cover[touched], normal[touched]
+        touched = torch.nonzero(cover > 0).squeeze(1)
+        element, pixel, cover = (a.index_select(0, touched) for a in (element, pixel, cover))
+        normal = normal.index_select(1, touched)  # (2, P)
         first = _best(cover, pixel, len(blank))  # (image pixels,) the pair that covers a pixel most, -1 = none
-        mine = first[pixel]
-        extra = _union(cover[mine], cover, (normal * normal[mine]).sum(1)) - cover[mine]
+        mine = first.index_select(0, pixel)
+        most = cover.index_select(0, mine)
+        extra = _union(most, cover, (normal * normal.index_select(1, mine)).sum(0)) - most
         # within one stroke a point's disc only rounds a turn; what it adds to its neighbours' slabs is theirs already
-        own = stroke[element] == stroke[element[mine]]
-        extra[own & ~(slab[element] & slab[element[mine]])] = 0.0
-        extra[mine == torch.arange(len(mine), device=mine.device)] = 0.0
-        keep = torch.nonzero(extra > 1e-3).squeeze(1)
-        second = _best(extra[keep], pixel[keep], len(blank))
+        line, flank = stroke.index_select(0, element), slab.index_select(0, element)
+        idle = (line == line.index_select(0, mine)) & ~(flank & flank.index_select(0, mine))
+        idle |= mine == torch.arange(len(mine), device=mine.device)
+        keep = torch.nonzero((extra > 1e-3) & ~idle).squeeze(1)
+        second = _best(extra.index_select(0, keep), pixel.index_select(0, keep), len(blank))
         inked = torch.nonzero(first >= 0).squeeze(1)  # pixels with ink
-        first, second = first[inked], second[inked]
+        first, second = first.index_select(0, inked), second.index_select(0, inked)
         crossed = torch.nonzero(second >= 0).squeeze(1)
-        second = keep[second[crossed]]
-        angle = (normal[first[crossed]] * normal[second]).sum(1)
+        second = keep.index_select(0, second.index_select(0, crossed))
+        angle = (normal.index_select(1, first.index_select(0, crossed)) * normal.index_select(1, second)).sum(0)
         both = torch.cat([first, second])
-        both, both_pixel = element[both], pixel[both]
+        both, both_pixel = element.index_select(0, both), pixel.index_select(0, both)
     value = _cover(elements, slab, both, _centre(both_pixel, height, width))[0]
     value, other = value[: len(first)], value[len(first) :]
     if len(other):
@@ -96,16 +98,17 @@ def coverage(
 
 
 def _elements(xy: Tensor, radius: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Segments, then points: (start x, y, vector x, y, radius, its change) (E, 6); their stroke; whether a slab."""
+    """Segments, then points: (start x, y, vector x, y, radius, its change) (6, E); their stroke; whether a slab."""
     owner = torch.repeat_interleave(torch.arange(len(offsets) - 1, device=xy.device), offsets.diff())
     begin = torch.nonzero(owner[:-1] == owner[1:]).squeeze(1)
-    segment = torch.cat([xy, radius[:, None]], dim=1)
-    step = segment.index_select(0, begin + 1) - segment.index_select(0, begin)
-    at = segment.index_select(0, begin)
-    slabs = torch.cat([at[:, :2], step[:, :2], at[:, 2:], step[:, 2:]], dim=1)
-    points = torch.cat([xy, torch.zeros_like(xy), radius[:, None], torch.zeros_like(radius)[:, None]], dim=1)
+    point = torch.cat([xy.T, radius[None]])  # (3, N)
+    at = point.index_select(1, begin)
+    step = point.index_select(1, begin + 1) - at
+    slabs = torch.cat([at[:2], step[:2], at[2:], step[2:]])
+    zero = torch.zeros_like(point)
+    points = torch.cat([point[:2], zero[:2], point[2:], zero[2:]])
     slab = torch.arange(len(begin) + len(xy), device=xy.device) < len(begin)
-    return torch.cat([slabs, points]), torch.cat([owner[begin], owner]), slab
+    return torch.cat([slabs, points], dim=1), torch.cat([owner[begin], owner]), slab
 
 
 def _directions(vector: Tensor, stroke: Tensor) -> tuple[Tensor, Tensor]:
@@ -129,11 +132,11 @@ def _near(elements, stroke, slab, offsets, image, height, width) -> tuple[Tensor
     An element is an intersection of strips lo <= g . p <= hi, so in one row of pixels it is an interval.
     """
     count = int(slab.sum())
-    tangent, length = _directions(elements[:count, 2:4], stroke[:count])
+    tangent, length = _directions(elements[2:4, :count].T.contiguous(), stroke[:count])
     across = torch.stack([-tangent[:, 1], tangent[:, 0]], dim=1)
-    radius = elements[:, 4] + elements[:, 5].clamp(min=0) + REACH
-    start = elements[:, :2]
-    points = len(elements) - count
+    radius = elements[4] + elements[5].clamp(min=0) + REACH
+    start = elements[:2].T
+    points = elements.shape[1] - count
     # a point's cone: ahead of the segment that arrives, behind the one that leaves
     zero = tangent.new_zeros(points, 2)
     inward, outward = zero.clone(), zero.clone()
@@ -159,56 +162,57 @@ def _near(elements, stroke, slab, offsets, image, height, width) -> tuple[Tensor
     rows = (bottom - top + 1).clamp(min=0)
     rows[:count][length == 0] = 0
     element, row = _expand(rows)
-    row = row + top[element]
-    # the row's interval of x
-    x, y = start[element].unbind(1)
+    row = row + top.index_select(0, element)
+    # the row's interval of x; a slab has no chord
+    size = torch.where(slab, FAR, radius)
+    table = torch.stack([*start.T, size, low1, high1, *g1.T, low2, high2, *g2.T]).index_select(1, element)
+    x, y, size, low1, high1, x1, y1, low2, high2, x2, y2 = table.unbind(0)
     dy = row + 0.5 - y
-    left1, right1 = _interval(g1[element], low1[element], high1[element], dy)
-    left2, right2 = _interval(g2[element], low2[element], high2[element], dy)
-    chord = (radius[element] ** 2 - dy**2).clamp(min=0).sqrt()
-    chord = torch.where(slab[element], FAR, chord)
+    left1, right1 = _interval(x1, y1, low1, high1, dy)
+    left2, right2 = _interval(x2, y2, low2, high2, dy)
+    chord = (size * size - dy * dy).clamp(min=0).sqrt()
     left = torch.maximum(torch.maximum(left1, left2), -chord) + x
     right = torch.minimum(torch.minimum(right1, right2), chord) + x
     left = torch.ceil(left - 0.5 - SLACK).clamp(0, width).long()
     right = torch.floor(right - 0.5 + SLACK).clamp(-1, width - 1).long()
     pick, column = _expand((right - left + 1).clamp(min=0))
-    element, row, column = element[pick], row[pick], column + left[pick]
-    return element, (image[stroke[element]] * height + row) * width + column
+    place = (image.index_select(0, stroke.index_select(0, element)) * height + row) * width + left
+    return element.index_select(0, pick), place.index_select(0, pick) + column
 
 
 def _expand(count: Tensor) -> tuple[Tensor, Tensor]:
     """Ragged ranges: (which range, place in it) of every item."""
     which = torch.repeat_interleave(torch.arange(len(count), device=count.device), count)
-    return which, torch.arange(len(which), device=count.device) - (count.cumsum(0) - count)[which]
+    return which, torch.arange(len(which), device=count.device) - (count.cumsum(0) - count).index_select(0, which)
 
 
-def _interval(g: Tensor, low: Tensor, high: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
-    """The x for which low <= g . (x, dy) <= high."""
-    gx = torch.where(g[:, 0].abs() < 1e-7, 1e-7, g[:, 0])
-    rest = g[:, 1] * dy
+def _interval(gx: Tensor, gy: Tensor, low: Tensor, high: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
+    """The x for which low <= (gx, gy) . (x, dy) <= high."""
+    gx = torch.where(gx.abs() < 1e-7, 1e-7, gx)
+    rest = gy * dy
     a, b = (low - rest) / gx, (high - rest) / gx
     return torch.minimum(a, b).clamp(-FAR, FAR), torch.maximum(a, b).clamp(-FAR, FAR)
 
 
-def _centre(pixel: Tensor, height: int, width: int) -> Tensor:
-    return torch.stack([pixel % width + 0.5, (pixel // width) % height + 0.5], dim=1)
+def _centre(pixel: Tensor, height: int, width: int) -> tuple[Tensor, Tensor]:
+    row = pixel // width
+    return pixel - row * width + 0.5, row % height + 0.5
 
 
-def _cover(elements: Tensor, slab: Tensor, element: Tensor, p: Tensor) -> tuple[Tensor, Tensor]:
-    """Cover (P,) of pixels centred at p (P, 2) by one element each, and the unit normals (P, 2) of the edges used.
+def _cover(elements: Tensor, slab: Tensor, element: Tensor, p: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+    """Cover (P,) of pixels centred at p (x, y) by one element each, and the unit normals (2, P) of the edges used.
 
     Normals are constants here: to first order an edge moves the area by its own shift alone.
     """
-    x, y, ex, ey, radius, swell = elements.index_select(0, element).unbind(1)
-    px, py = p.to(elements.dtype).unbind(1)
-    dx, dy = px - x, py - y
+    x, y, ex, ey, radius, swell = elements.index_select(1, element).unbind(0)
+    dx, dy = p[0].to(elements.dtype) - x, p[1].to(elements.dtype) - y
     long2 = (ex * ex + ey * ey).clamp(min=1e-12)
     t = ((dx * ex + dy * ey) / long2).clamp(0, 1)
     with torch.no_grad():
         length = long2.sqrt()
         side = torch.where(dx * ey - dy * ex > 0, -1.0, 1.0) / length
         away = torch.sqrt(dx * dx + dy * dy).clamp(min=1e-9)
-        is_slab = slab[element]
+        is_slab = slab.index_select(0, element)
         nx = torch.where(is_slab, -ey * side, dx / away)
         ny = torch.where(is_slab, ex * side, dy / away)
         slope = swell / length * is_slab
@@ -222,7 +226,7 @@ def _cover(elements: Tensor, slab: Tensor, element: Tensor, p: Tensor) -> tuple[
     radius = radius + t * swell
     outer = _half_plane((radius - distance) * tilt - sag, major, minor)
     inner = _half_plane(-(radius + distance) * tilt - sag, major, minor)
-    return outer - inner, torch.stack([nx, ny], dim=1)
+    return outer - inner, torch.stack([nx, ny])
 
 
 def _half_plane(inside: Tensor, major: Tensor, minor: Tensor) -> Tensor:
@@ -247,6 +251,6 @@ def _best(value: Tensor, place: Tensor, places: int) -> Tensor:
     """For every place the index of its largest value, the first of equals; -1 where there is none. (places,)"""
     top = value.new_full((places,), -1.0).scatter_reduce_(0, place, value, "amax")
     index = torch.arange(len(value), device=value.device)
-    index = torch.where(value == top[place], index, len(value))
+    index = torch.where(value == top.index_select(0, place), index, len(value))
     best = torch.full((places,), len(value), device=value.device).scatter_reduce_(0, place, index, "amin")
     return torch.where(best == len(value), -1, best)
