@@ -27,7 +27,7 @@ def palette_png(layer: np.ndarray) -> bytes:
         index = np.rint(alpha * (count - 1)).astype(np.uint8)
         palette = np.concatenate([np.tile(ink, (count, 1)), np.arange(count)[:, None] / (count - 1)], axis=1)
     else:
-        index, palette = _quantise(flat, COLORS)
+        index, palette = quantise(flat, COLORS)
     palette = np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)
     return encode_png(index.reshape(layer.shape[:2]), palette)
 
@@ -55,7 +55,7 @@ def encode_png(index: np.ndarray, palette: np.ndarray) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
 
 
-def _quantise(flat, count):
+def quantise(flat, count):
     """At most `count` straight RGBA colours for premultiplied pixels (M, 4), and each pixel's: weighted k-means."""
     grid = np.rint(flat * 63).astype(np.int64)
     code = ((grid[:, 0] * 64 + grid[:, 1]) * 64 + grid[:, 2]) * 64 + grid[:, 3]
