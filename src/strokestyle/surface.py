@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import logging
-import re
-import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -17,6 +12,8 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from .mesh_files import read_mesh
+
 DEFAULT_CREASE = 40.0  # degrees between two faces
 SHORT_CREASE = 0.03  # of the longest side: sharp edges that reach less far are noise; normals run smoothly over them
 WELD = 1e-6  # of the longest side: boundary vertices nearer than this are one vertex
@@ -24,19 +21,6 @@ THIN = 1e-4  # of the longest side: the normal of a lower face is mostly the rou
 _CELLS = 2**21  # per axis: the grid on which equal positions are found; 3 x 21 bits fit an int64
 BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
 _TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a mesh of size 1
-
-# What trimesh needs on top of itself to read a format.
-_EXTRA_PACKAGES = {
-    ".3mf": "lxml networkx",
-    ".xaml": "lxml",
-    ".dae": "pycollada",
-    ".zae": "pycollada",
-    ".step": "cascadio",
-    ".stp": "cascadio",
-    ".ctm": "python-openctm",
-    ".dxf": "ezdxf",
-    ".msh": "gmsh",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +184,7 @@ class Surface:
 
 
 def load_surface(path: str | Path, smooth: float = 0.0, crease: float = DEFAULT_CREASE) -> Surface:
-    """Read a mesh file of any format that trimesh knows; scenes become one surface with named parts.
+    """Read a mesh file of any format that `mesh_files` knows; scenes become one surface with named parts.
 
     `smooth` : standard deviation, in mean edge lengths, of the smoothing of normals and curvatures.
     `crease` : angle in degrees between two faces from which on normals and curvatures do not run over their edge.
@@ -214,78 +198,11 @@ def load_surface(path: str | Path, smooth: float = 0.0, crease: float = DEFAULT_
         raise FileNotFoundError(f"{path}: no such file")
     if not path.stat().st_size:
         raise ValueError(f"{path}: the file is empty")
-    vertices, faces, part, names = _read(path)
+    vertices, faces, part, names = read_mesh(path)
     try:
         return make_surface(vertices, faces, smooth, crease, part, names)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Triangles of all parts of a file, with the scene's transforms applied."""
-    import trimesh  # 0.3 s, and not needed where a saved view is drawn
-
-    suffix = path.suffix.lower()
-    known = trimesh.available_formats()
-    if suffix.lstrip(".") not in known:
-        extra = _EXTRA_PACKAGES.get(suffix)
-        if extra:
-            raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}")
-        what = f"{suffix} is not a mesh format" if suffix else "no suffix to tell the mesh format by"
-        raise ValueError(f"{path}: {what}; use obj, ply, stl, off or glb")
-    try:
-        with _silence():
-            if suffix == ".obj":
-                # Names and comments may be in any encoding. Materials would cut one shape into several parts.
-                text = path.read_bytes().decode("utf-8", "replace").encode()
-                options = {"file_type": "obj", "split_objects": True, "group_material": False, "skip_materials": True}
-                scene = trimesh.load_scene(io.BytesIO(text), process=False, **options)
-            else:
-                scene = trimesh.load_scene(str(path), process=False)
-            parts = [geometry for geometry in scene.dump() if len(getattr(geometry, "vertices", ()))]
-    except OSError as error:
-        raise type(error)(f"{path}: cannot be read ({_line(error)})") from None
-    except ImportError as error:
-        extra = _EXTRA_PACKAGES.get(suffix) or getattr(error, "name", None) or "the package it names"
-        raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}") from None
-    except Exception as error:  # a damaged file can fail anywhere inside a parser, in any way
-        raise ValueError(f"{path}: damaged, or not in {suffix[1:]} format ({_line(error)})") from None
-    meshes = [geometry for geometry in parts if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)]
-    if not meshes:
-        points = sum(len(geometry.vertices) for geometry in parts)
-        if points:
-            raise ValueError(f"{path}: no faces in it ({points} points): a point cloud cannot be drawn; mesh it first")
-        raise ValueError(f"{path}: no faces in it: damaged, or not in {suffix[1:]} format")
-    offset = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
-    vertices = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes])
-    faces = np.concatenate([np.asarray(mesh.faces, np.int64) + at for mesh, at in zip(meshes, offset, strict=False)])
-    part = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
-    return vertices, faces, part, tuple(_part_name(mesh.metadata, path) for mesh in meshes)
-
-
-def _part_name(metadata: dict, path: Path) -> str:
-    """The name that the file gives a part, "" where trimesh made one up."""
-    name = str(metadata.get("node") or metadata.get("name") or "")
-    return "" if name == path.name or re.fullmatch(r"geometry(_\d+)?", name) else name
-
-
-def _line(error: Exception) -> str:
-    text = " ".join(str(error).split())
-    return text[:120] if text else type(error).__name__
-
-
-@contextlib.contextmanager
-def _silence():
-    """Keep a reader's log, warnings and floating-point complaints from the user's terminal."""
-    logger = logging.getLogger("trimesh")
-    before = logger.disabled
-    logger.disabled = True
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.disabled = before
 
 
 def make_surface(

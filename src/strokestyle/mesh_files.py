@@ -1,0 +1,218 @@
+"""Mesh files -> triangles. OBJ is read here; all other formats by trimesh."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+# What trimesh needs on top of itself to read a format.
+_EXTRA_PACKAGES = {
+    ".3mf": "lxml networkx",
+    ".xaml": "lxml",
+    ".dae": "pycollada",
+    ".zae": "pycollada",
+    ".step": "cascadio",
+    ".stp": "cascadio",
+    ".ctm": "python-openctm",
+    ".dxf": "ezdxf",
+    ".msh": "gmsh",
+}
+_SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
+_NO_KEYWORDS = bytes.maketrans(b"vf", b"  ")
+
+Triangles = tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]
+
+
+def read_mesh(path: Path) -> Triangles:
+    """All parts of a mesh file, a scene's transforms applied.
+
+    Returns
+    -------
+    vertices (V, 3) float64, faces (F, 3) int64 naming vertices that exist, the part of each face (F,), the parts' names
+
+    Raises OSError where the file cannot be opened, ValueError where it holds no faces; either names the file.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".obj":
+        try:
+            vertices, faces, part, names = read_obj(path.read_bytes())
+        except OSError as error:
+            raise type(error)(f"{path}: cannot be read ({_line(error)})") from None
+        except ValueError as error:
+            raise ValueError(f"{path}: damaged, or not in obj format ({error})") from None
+        points = len(vertices)
+    else:
+        vertices, faces, part, names, points = _read_with_trimesh(path, suffix)
+    if not len(faces):
+        if points:
+            raise ValueError(f"{path}: no faces in it ({points} points): a point cloud cannot be drawn; mesh it first")
+        raise ValueError(f"{path}: no faces in it: damaged, or not in {suffix[1:]} format")
+    return vertices, faces, part, names
+
+
+# -------------------------------------------------------------------------------------------------------------- obj
+
+
+def read_obj(data: bytes) -> Triangles:
+    """The faces of a Wavefront OBJ file; polygons are cut into fans, each object (`o`) is a part.
+
+    Everything that shape does not need is skipped: texture coordinates, normals, colours, groups, materials, curves.
+    Raises ValueError, naming the line, where a vertex or a face cannot be read or a face names no vertex.
+    """
+    if b"\r\n" in data:
+        data = data.replace(b"\r\n", b"\n")
+    data = b"\n" + data.translate(_SPACES) + b"\n\n\n"
+    if b"\\\n" in data:
+        data = data.replace(b"\\\n", b" ")
+    if b"\n " in data:
+        data = re.sub(rb"\n +", b"\n", data)
+    text = np.frombuffer(data, np.uint8)
+    start = np.flatnonzero(text == ord("\n"))[:-2] + 1  # of every line, and of an empty one after the last
+    first, spaced = text[start], text[start + 1] == ord(" ")
+    is_vertex, is_face, is_object = (spaced & (first == ord(letter)) for letter in "vfo")
+
+    vertex, face = np.flatnonzero(is_vertex), np.flatnonzero(is_face)
+    values, count = _numbers(_lines(data, start, vertex), float, start, vertex, data)
+    if (count < 3).any():
+        raise ValueError(_at(data, start, vertex[np.argmax(count < 3)]) + "a vertex has three coordinates")
+    begin = np.cumsum(count) - count
+    vertices = values[begin[:, None] + np.arange(3)] if (count != 3).any() else values.reshape(-1, 3)
+
+    corners = _lines(data, start, face)
+    if b"/" in corners:
+        corners = re.sub(rb"/[-+/0-9]*", b"", corners)
+    corner, count = _numbers(corners, np.int64, start, face, data)
+    line = np.repeat(face, count)
+    known = np.cumsum(is_vertex)[line]  # vertices before the face: -1 is the last of them
+    corner = np.where(corner < 0, corner + known, corner - 1)
+    lost = (corner < 0) | (corner >= len(vertices))
+    if lost.any():
+        at = line[np.argmax(lost)]
+        raise ValueError(_at(data, start, at) + f"a face names a vertex that is none of the {len(vertices)}")
+    fan = np.maximum(count - 2, 0)  # triangles of each polygon
+    polygon = np.repeat(np.arange(len(face)), fan)
+    k = np.arange(len(polygon)) - np.repeat(np.cumsum(fan) - fan, fan)
+    begin = (np.cumsum(count) - count)[polygon]
+    faces = corner[np.stack([begin, begin + k + 1, begin + k + 2], axis=1)]
+
+    names = [""] + [_text(data, start, at)[2:].strip() for at in np.flatnonzero(is_object)]
+    number = {name: i for i, name in reversed(list(enumerate(names)))}  # objects of one name are one part
+    of_object = np.array([number[name] for name in names])
+    present, part = np.unique(of_object[np.cumsum(is_object)[face[polygon]]], return_inverse=True)
+    return vertices, faces, part.ravel(), tuple(names[i] for i in present)
+
+
+def _lines(data: bytes, start: np.ndarray, which: np.ndarray) -> bytes:
+    """Lines `which` (rising indices into `start`), one after the other, without keyword and comments."""
+    run = np.flatnonzero(np.diff(which, prepend=-2) != 1)
+    low, high = start[which[run]], start[which[np.r_[run[1:], len(which)] - 1] + 1] if len(which) else run
+    lines = b"".join([data[a:b] for a, b in zip(low.tolist(), high.tolist(), strict=True)])
+    if b"#" in lines:
+        lines = re.sub(rb"#[^\n]*", b"", lines)
+    return lines.translate(_NO_KEYWORDS) if lines else b""
+
+
+def _numbers(lines: bytes, dtype, start, which, data) -> tuple[np.ndarray, np.ndarray]:
+    """All numbers of some lines, and how many each of them holds."""
+    text = np.frombuffer(lines, np.uint8)
+    word = text > ord(" ")
+    first = np.flatnonzero(word & ~np.r_[False, word[:-1]])
+    last = np.flatnonzero(text == ord("\n"))
+    count = np.diff(np.searchsorted(first, last), prepend=0)
+    if not len(first):  # of which numpy makes a number
+        return np.zeros(0, dtype), count
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # some versions of numpy warn of what is no number, and stop there
+        try:
+            values = np.fromstring(lines, dtype, sep=" ")
+        except ValueError:
+            values = np.zeros(0, dtype)
+    if len(values) != len(first):
+        kind = int if dtype is np.int64 else float
+        bad = next((i for i, word in enumerate(lines.split()) if not _reads_as(kind, word)), len(first) - 1)
+        at = which[np.searchsorted(np.cumsum(count), bad, side="right")]
+        raise ValueError(_at(data, start, at) + "not a number")
+    return values, count
+
+
+def _reads_as(kind: type, word: bytes) -> bool:
+    try:
+        kind(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _text(data: bytes, start: np.ndarray, line: int) -> str:
+    return data[start[line] : start[line + 1] - 1].decode("utf-8", "replace")
+
+
+def _at(data: bytes, start: np.ndarray, line: int) -> str:
+    text = " ".join(_text(data, start, line).split())
+    return f"line {line + 1}, {text[:40]!r}: "
+
+
+# ---------------------------------------------------------------------------------------------------------- trimesh
+
+
+def _read_with_trimesh(path: Path, suffix: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...], int]:
+    """What `read_mesh` returns, and the number of points in the file, with or without faces."""
+    import trimesh  # 0.3 s, and not needed for OBJ or where a saved view is drawn
+
+    known = trimesh.available_formats()
+    if suffix.lstrip(".") not in known:
+        extra = _EXTRA_PACKAGES.get(suffix)
+        if extra:
+            raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}")
+        what = f"{suffix} is not a mesh format" if suffix else "no suffix to tell the mesh format by"
+        raise ValueError(f"{path}: {what}; use obj, ply, stl, off or glb")
+    try:
+        with _silence():
+            scene = trimesh.load_scene(str(path), process=False)
+            parts = [geometry for geometry in scene.dump() if len(getattr(geometry, "vertices", ()))]
+    except OSError as error:
+        raise type(error)(f"{path}: cannot be read ({_line(error)})") from None
+    except ImportError as error:
+        extra = _EXTRA_PACKAGES.get(suffix) or getattr(error, "name", None) or "the package it names"
+        raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}") from None
+    except Exception as error:  # a damaged file can fail anywhere inside a parser, in any way
+        raise ValueError(f"{path}: damaged, or not in {suffix[1:]} format ({_line(error)})") from None
+    meshes = [geometry for geometry in parts if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)]
+    points = sum(len(geometry.vertices) for geometry in parts)
+    if not meshes:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.int64), (), points
+    offset = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    vertices = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes])
+    faces = np.concatenate([np.asarray(mesh.faces, np.int64) + at for mesh, at in zip(meshes, offset, strict=False)])
+    part = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+    return vertices, faces, part, tuple(_part_name(mesh.metadata, path) for mesh in meshes), points
+
+
+def _part_name(metadata: dict, path: Path) -> str:
+    """The name that the file gives a part, "" where trimesh made one up."""
+    name = str(metadata.get("node") or metadata.get("name") or "")
+    return "" if name == path.name or re.fullmatch(r"geometry(_\d+)?", name) else name
+
+
+def _line(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return text[:120] if text else type(error).__name__
+
+
+@contextlib.contextmanager
+def _silence():
+    """Keep a reader's log, warnings and floating-point complaints from the user's terminal."""
+    logger = logging.getLogger("trimesh")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.disabled = before

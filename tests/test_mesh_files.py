@@ -1,0 +1,104 @@
+"""OBJ files of all dialects, against trimesh and closed forms, and what is wrong with the others."""
+
+import numpy as np
+import pytest
+import shapes
+import trimesh
+
+from strokestyle.mesh_files import read_mesh, read_obj
+
+SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+def area(vertices, faces):
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+
+
+def test_the_same_triangles_as_trimesh(tmp_path):
+    rng = np.random.default_rng(0)
+    shape = shapes.torus(1, 0.4, 12, 8)
+    lines = [f"v {x} {y} {z}" for x, y, z in shape.vertices] + ["vt 0 0", "vn 0 0 1"]
+    for face in shape.faces[rng.permutation(len(shape.faces))] + 1:
+        form = rng.choice(["{}", "{}/1", "{}//1", "{}/1/1"])
+        lines.append("f " + " ".join(form.format(corner) for corner in face))
+    path = tmp_path / "x.obj"
+    path.write_text("\n".join(lines))
+    vertices, faces, part, names = read_mesh(path)
+    theirs = trimesh.load(path, process=False)
+    corners = [np.sort(np.round(p[f], 12).reshape(-1, 9), axis=0) for p, f in
+               ((vertices, faces), (theirs.vertices, theirs.faces))]  # fmt: skip
+    assert np.array_equal(*corners)
+    assert not part.any() and names == ("",) and faces.dtype == np.int64
+
+
+@pytest.mark.parametrize(
+    "faces",
+    [
+        b"f 1 2 3 4",
+        b"f 1/1 2/1 3/1 4/1 # a comment",
+        b"  f\t1//7   2//8 3//9\t4//6  ",
+        b"f 1/2/3 2/3/4 3/4/5 4/5/6\r\ng side\rusemtl red\r\n# end",
+        b"f -4 -3 -2 -1\nv 7 7 7\nv 8 8 8",
+        b"f 1 2 \\\n 3 4",
+        b"f 1 2 3\ns off\nf 1 3 4\np 1\nl 1 2",
+        b"f 1 2 3\nf 1 2\nf 1\nf 1 3 4\nfo 1 2 3",
+    ],
+)
+def test_dialects_of_a_square(faces):
+    vertices, faces, part, names = read_obj(SQUARE + faces)
+    assert faces.tolist() == [[0, 1, 2], [0, 2, 3]] and not part.any() and names == ("",)
+    assert vertices[:4].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+
+
+def test_polygons_are_fans():
+    t = np.arange(7) / 7 * 2 * np.pi
+    points = "".join(f"v {x:.9f} {y:.9f} 0\n" for x, y in zip(np.cos(t), np.sin(t), strict=True))
+    vertices, faces, _, _ = read_obj((points + "f 1 2 3\nf 1 3 4 5 6 7\n").encode())
+    assert faces[:, 0].tolist() == [0] * 5 and faces[:, 1:].tolist() == [[i, i + 1] for i in range(1, 6)]
+    assert area(vertices, faces) == pytest.approx(3.5 * np.sin(2 * np.pi / 7))
+
+
+def test_vertices_may_carry_weights_and_colours():
+    text = b"v 0 0 0 0.5 0.5 0.5\nv 1 0 0\nv 0 1e0 0 1 # w\nf 1 2 3\n"
+    assert read_obj(text)[0].tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert read_obj(b"v 0 0 0 1\nv 1 0 0 1\nv 0 1 -2.5E-1 1\nf 1 2 3")[0][2].tolist() == [0, 1, -0.25]
+
+
+def test_objects_are_parts():
+    text = b"f 1 2 3\no body of it\nf 1 3 4\no wheel\nv 0 0 1\no unused\no body of it\nf 1 2 5\no wh\xe4el\nf 2 3 5 4"
+    _, faces, part, names = read_obj(SQUARE + text)
+    assert [names[i] for i in part] == ["", "body of it", "body of it", "wh\ufffdel", "wh\ufffdel"]
+    assert len(names) == 3
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (b"v 0 0 0\nv 1 0\nf 1 2 1", "line 2, 'v 1 0': a vertex has three coordinates"),
+        (SQUARE + b"\r\n# no\r\nf 1 2 9", "line 7, 'f 1 2 9': a face names a vertex that is none of the 4"),
+        (SQUARE + b"f 1 2 0", "line 5, 'f 1 2 0'"),
+        (SQUARE + b"f -5 1 2", "none of the 4"),
+        (b"v 1 2 3\nvn 0 0 1\nv 1 x 3\nf 1 2 1", "line 3, 'v 1 x 3': not a number"),
+        (SQUARE + b"f 1 2 3\nf 1 2.5 3", "line 6, 'f 1 2.5 3': not a number"),
+    ],
+)
+def test_errors_name_the_line(text, message):
+    with pytest.raises(ValueError) as caught:
+        read_obj(text)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "\n", "v", "f", "f ", "f#", "o", "o \n", "\\\n", "\\", " ", "\0", "v 1 2 3", "v 1 2 3\nf 1"]
+)
+def test_next_to_nothing(text):
+    vertices, faces, part, names = read_obj(text.encode())
+    assert len(vertices) == text.count("v ") and len(faces) == len(part) == len(names) == 0
+    assert vertices.shape[1:] == faces.shape[1:] == (3,)
+
+
+def test_huge_numbers_are_refused_not_wrapped():
+    for index in (b"9999999999999999999999", b"-9999999999999999999999", b"9223372036854775807"):
+        with pytest.raises(ValueError):
+            read_obj(SQUARE + b"f 1 2 " + index)
