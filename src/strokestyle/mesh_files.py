@@ -66,7 +66,9 @@ def read_obj(data: bytes) -> Triangles:
     """
     if b"\r\n" in data:
         data = data.replace(b"\r\n", b"\n")
-    data = b"\n" + data.translate(_SPACES) + b"\n\n\n"
+    if any(byte in data for byte in b"\t\v\f\r"):
+        data = data.translate(_SPACES)
+    data = b"\n" + data + b"\n\n\n"
     if b"\\\n" in data:
         data = data.replace(b"\\\n", b" ")
     if b"\n " in data:
