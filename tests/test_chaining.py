@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from strokestyle.chaining import TidyOptions, tidy
+from strokestyle.chaining import TidyOptions, beside_none, tidy
 from strokestyle.curves import KINDS, Curves, arc_length, owner
 
 CONTOUR, CREASE, SUGGESTIVE, RIDGE, VALLEY = (
@@ -80,6 +80,18 @@ def test_a_line_that_turns_back_on_itself_is_drawn_once():
 def test_lines_farther_apart_both_stay():
     out = draw(line((100, 100), (300, 100)), line((100, 112), (300, 112)), kind=[CONTOUR, SUGGESTIVE])
     assert len(out) == 2
+
+
+def test_what_runs_along_another_drawing_goes():
+    drawn = Curves.from_list([line((100, 100), (300, 100))], [CONTOUR])
+    others = [line((50, 101.5), (200, 101.5)), line((150, 50), (150, 150)), line((100, 104), (300, 104))]
+    left = beside_none(Curves.from_list(others, [CREASE] * 3), drawn)
+    assert left.lengths() == pytest.approx([50, 100, 200], abs=2.5)  # crossing lines stay whole
+    twice = beside_none(Curves.from_list([2 * p for p in others]), Curves.from_list([2 * drawn.xy]), (1536, 1536))
+    assert twice.xy == pytest.approx(2 * left.xy)
+    for a, b in ((drawn, Curves.empty()), (Curves.empty(), drawn)):
+        assert beside_none(a, b) is a
+    assert len(beside_none(drawn, drawn)) == 0
 
 
 # ------------------------------------------------------------------------------------------------------------ joining

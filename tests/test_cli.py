@@ -241,6 +241,18 @@ def test_more_detail_is_more_lines(tmp_path):
     assert length["0.3"] <= length["1"] < length["5"]
 
 
+def test_hidden_lines(tmp_path):
+    import trimesh
+
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.ply")
+    result = run("extract", tmp_path / "box.ply", "-o", tmp_path / "a.svg", "-o", tmp_path / "a.json", "--hidden")
+    assert result.exit_code == 0 and "; hidden: " in result.stderr
+    text = (tmp_path / "a.svg").read_text()
+    assert 'inkscape:label="hidden-crease"' in text and "stroke-dasharray" in text
+    assert set(json.loads((tmp_path / "a.json").read_text())["hidden"]["kinds"]) == {"crease"}
+    refused("extract", "a.npz", "-o", "b.svg", "--hidden", words=["--hidden needs a mesh"], code=2)
+
+
 def test_outside_curves(tmp_path, sphere):
     line = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 128 128"><path d="M10 10L90 90"/></svg>'
     (tmp_path / "c.svg").write_text(line)

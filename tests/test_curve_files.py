@@ -309,6 +309,13 @@ def test_plain_drawings_come_back(tmp_path):
         assert got.closed[i] and len(got[i]) == 40 and np.abs(got[i] - ring).max() < 0.01
 
 
+def test_our_hidden_lines_are_not_read_as_lines(tmp_path):
+    seen, hidden = (Curves.from_list([np.array([[1.0, y], [30, y]])], [0]) for y in (10, 20))
+    (tmp_path / "c.svg").write_text(plain_svg(seen, (100, 100), hidden=hidden))
+    got = load_curves(tmp_path / "c.svg", (100, 100))
+    assert len(got) == 1 and np.abs(got.xy - seen.xy).max() < 0.01
+
+
 def test_json(tmp_path):
     path = tmp_path / "c.json"
     data = {"size": [50, 50], "curves": [[[0, 0], [10, 10]], [[5, 5]], [[0, 0], [9, 0], [9, 9]]],

@@ -201,5 +201,16 @@ def test_plain_curves_by_kind():
     assert plain_svg(Curves.empty(), (60, 50))
 
 
+def test_hidden_curves_lie_dashed_beneath():
+    seen, hidden = (Curves.from_list([np.array([[5, y], [55, y]])], [0]) for y in (10.0, 30.0))
+    text = plain_svg(seen, (60, 50), hidden=hidden)
+    below, above = ET.fromstring(text).findall(f"{SVG}g")
+    assert (below.get(f"{INKSCAPE}label"), above.get(f"{INKSCAPE}label")) == ("hidden-contour", "contour")
+    assert below.get("data-ss-hidden") == "1" and len({e.get("id") for e in (*below, *above)}) == 2
+    picture = rendered(text)
+    assert picture[10, 8:52, 0].max() < 150 and picture[30, 8:52, 0].max() == 255 > picture[30, 8:52, 0].min()
+    assert plain_svg(seen, (60, 50), hidden=Curves.empty()) == plain_svg(seen, (60, 50))
+
+
 def test_text_that_xml_cannot_hold_is_left_out():
     assert printable("a\x00\x0bb\ud800c\ufffe\n\U0001f58c") == "abc\n\U0001f58c"

@@ -23,6 +23,7 @@ from strokestyle.view import (
     clip,
     extract,
     feature_maps,
+    hidden_fragments,
     load_view,
     plain_raster,
     save_view,
@@ -51,9 +52,7 @@ def ball(level=5):
         m = index.reshape(-1, 3) + len(vertices)
         a, b, c = faces.T
         ab, bc, ca = m.T
-        faces = np.concatenate(
-            [np.stack(t, 1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))]
-        )
+        faces = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
         vertices = np.concatenate([vertices, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
     return vertices * RADIUS, faces
 
@@ -295,6 +294,39 @@ def test_hidden_parts_of_a_line_are_cut_away():
     assert not inside.any()
 
 
+def test_a_cube_hides_three_edges():
+    surface = make_surface(CUBE, CUBE_FACES)
+    camera = fit_camera(surface.vertices, "25,20", width=300, height=300)
+    view = extract(surface, camera, hidden=True)
+    assert {KINDS[kind] for kind in view.hidden.kind} == {"crease"}
+    corners, _ = camera.project(surface.vertices)
+    behind = ((CUBE - camera.eye) ** 2).sum(axis=1).argmax()
+    ends = [i for i in range(8) if np.isclose(np.linalg.norm(CUBE[i] - CUBE[behind]), 1.0)]
+    expected = np.linalg.norm(corners[ends] - corners[behind], axis=1).sum()
+    assert (
+        0.95 * expected < view.hidden.lengths().sum() < expected + 1.0
+    )  # less what runs along the outline at the ends
+    assert min(np.linalg.norm(view.hidden.xy - corners[behind], axis=1)) < 1.0
+    assert len(extract(surface, camera).hidden) == 0
+
+
+def test_hidden_parts_complete_the_visible_ones():
+    """The large ball's outline goes on behind the small one; soft lines are not asked behind."""
+    surface, camera = two_balls()
+    camera = replace(camera, eye=camera.eye + np.array([-1.0, 0.0, 0.0]))
+    options = LineOptions(kinds=("contour", "suggestive"))
+    view = extract(surface, camera, options, hidden=True)
+    assert {KINDS[kind] for kind in view.hidden.kind} == {"contour"}
+    fragments, _ = visible_fragments(surface, camera, feature_curves(surface, camera, options), Scene(surface))
+    behind = hidden_fragments(surface, camera, feature_curves(surface, camera, options), Scene(surface))
+    whole = feature_curves(surface, camera, LineOptions(kinds=("contour",)))
+    xy, _ = camera.project(whole.points(surface))
+    total = arc_length(xy, whole.offsets)[whole.offsets[1:] - 1].sum()
+    assert behind.lengths().sum() > 30.0 and abs(view.hidden.lengths().sum() - behind.lengths().sum()) < 8.0
+    assert abs(fragments.lengths().sum() + behind.lengths().sum() - total) < 5.0
+    assert len(extract(surface, camera, LineOptions(kinds=("ridge", "valley")), hidden=True).hidden) == 0
+
+
 # ---------------------------------------------------------------------------------------------- curves from elsewhere
 
 
@@ -375,6 +407,11 @@ def test_a_view_comes_back_exactly(view, tmp_path):
     empty = View(view.camera, Curves.empty(), view.maps)
     save_view(tmp_path / "e.npz", empty)
     assert same(load_view(tmp_path / "e.npz"), empty)
+    both = replace(view, hidden=Curves.from_list([[[1, 2], [3, 4.5]]], [2]))
+    save_view(tmp_path / "h.npz", both)
+    back = load_view(tmp_path / "h.npz")
+    assert same(back, view) and same(replace(back, curves=back.hidden), replace(view, curves=both.hidden))
+    assert len(load_view(tmp_path / "v.npz").hidden) == 0
 
 
 def test_a_folder_that_is_not_there(view, tmp_path):
@@ -471,6 +508,10 @@ def test_json_for_other_programs(view, tmp_path):
     assert (facing < 0.3).all() and (np.hypot(nx, ny) > 0.85).all()
     outward = (view.curves.xy - [100, 80]) / np.linalg.norm(view.curves.xy - [100, 80], axis=1)[:, None]
     assert (outward[:, 0] * nx + outward[:, 1] * ny > 0.85).all()
+    behind = Curves.from_list([[[1, 2], [3, 4.5]]], [2])
+    got = view_to_json(replace(view, hidden=behind))
+    assert got.pop("hidden") == {"curves": [[[1, 2], [3, 4.5]]], "kinds": ["crease"], "closed": [False]}
+    assert got == data
     (tmp_path / "c.json").write_text(json.dumps(data))
     assert Camera.load(tmp_path / "c.json").to_dict() == view.camera.to_dict()
 

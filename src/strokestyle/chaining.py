@@ -168,6 +168,27 @@ def tidy(
     return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed)
 
 
+def beside_none(curves: Curves, others: Curves, size: tuple[int, int] = (768, 768)) -> Curves:
+    """Curves without the parts that run along one of `others`: within 2.5 px of it and 25 degrees of its direction.
+
+    Gaps and remains of less than 6 px are closed and dropped. Lengths are those of a 768 px canvas.
+    """
+    scale, options = max(size) / REFERENCE, TidyOptions()
+    if not len(curves) or not len(others):
+        return curves
+    lines, drawn = (_even(c.xy / scale, np.ones(len(c.xy)), c.offsets, c.kind, c.closed) for c in (curves, others))
+    if len(lines) and len(drawn):
+        distance, nearest = cKDTree(drawn.xy).query(lines.xy, distance_upper_bound=options.merge)
+        near = distance < np.inf
+        nearest = np.where(near, nearest, 0)
+        cosine = np.abs(np.einsum("ij,ij->i", _chords(lines, 4), _chords(drawn, 4)[nearest]))
+        covered = near & (cosine > np.cos(np.radians(options.merge_angle)))
+        for value in (False, True):
+            covered = _flip_short(covered, lines.offsets, value, 6.0 / STEP)
+        lines = lines.runs(~covered)
+    return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed)
+
+
 def _even(xy, strength, offsets, kind, closed) -> _Lines:
     """Points every STEP px; curves of no length are left out."""
     xy, offsets, (strength,) = resample(xy, offsets, STEP, strength)

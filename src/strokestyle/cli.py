@@ -261,6 +261,7 @@ Examples:
   strokestyle extract teapot.obj -o curves.svg -o view.npz --view 40,20
   strokestyle extract scan.ply -o lines.svg --lines contour,valley --valley 0.2
   strokestyle extract scan.ply -o lines.svg --detail 0.5..2
+  strokestyle extract part.stl -o lines.svg --hidden --lines contour,crease
   strokestyle extract part.stl --up z -o - | inkscape --pipe --export-filename=part.pdf"""
 )
 @click.argument("shape", type=click.Path())
@@ -272,6 +273,11 @@ Examples:
     multiple=True,
     required=True,
     help="File to write, by suffix; may be given several times. - is SVG to standard output.",
+)
+@click.option(
+    "--hidden",
+    is_flag=True,
+    help="Also the hidden parts of contours, boundaries, creases and intersections, dashed, on layers of their own.",
 )
 @view_options
 @line_options
@@ -292,7 +298,8 @@ def extract(shape, outputs, **options):
     view = Views(shape, options).view()
     for output in outputs:
         _write_view(view, output, Path(shape).stem)
-    say(f"{shape}: {_count(view.curves)} -> {', '.join(outputs)}")
+    behind = f"; hidden: {_count(view.hidden)}" if options["hidden"] else ""
+    say(f"{shape}: {_count(view.curves)}{behind} -> {', '.join(outputs)}")
 
 
 @main.command(
@@ -595,6 +602,8 @@ class Views:
         if options.get("camera") and given:
             raise click.UsageError(f"--camera already says where the eye stands: leave out --{', --'.join(given)}")
         self.saved = Path(shape).suffix.lower() in VIEW_SUFFIXES
+        if options.get("hidden") and (self.saved or options.get("curves")):
+            raise click.UsageError("--hidden needs a mesh and its own curves, not a saved view or --curves")
         if self.saved:
             named = [name for name in LINE_OPTIONS + VIEW_OPTIONS if options.get(name) is not None]
             if named:
@@ -645,7 +654,8 @@ class Views:
                 return views.view_of(self.surface, camera, curves, spacing, scene=self.scene)
         surface, scene = self.surface, self.scene
         with stage("curves and feature maps"):
-            return views.extract(surface, camera, self.line_options(), spacing, scene=scene)
+            hidden = self.options.get("hidden", False)
+            return views.extract(surface, camera, self.line_options(), spacing, scene=scene, hidden=hidden)
 
     def line_options(self):
         from .feature_curves import LineOptions
@@ -701,7 +711,8 @@ def _write_view(view, output: str, title: str) -> None:
         write_bytes(output, json.dumps(view_to_json(view), separators=(",", ":")).encode())
     else:
         size = (view.camera.width, view.camera.height)
-        text = plain_svg(view.curves, size, title=title, background="#ffffff" if suffix == ".png" else None)
+        paper = "#ffffff" if suffix == ".png" else None
+        text = plain_svg(view.curves, size, title=title, background=paper, hidden=view.hidden)
         if output == "-":
             click.echo(text, nl=False)
         elif suffix == ".png":

@@ -53,7 +53,7 @@ def load_curves(path: str | Path, size: tuple[int, int], tolerance: float = 0.1)
     [width, height]; without a size its coordinates are the canvas's pixels. In an .svg file every subpath of path,
     line, polyline, polygon, rect, circle and ellipse is a curve, of the kind that its own or its nearest ancestor's
     label, id or class names; of one of our own strokes it is the centre line. Definitions and hidden elements are
-    skipped, and `use` is not followed.
+    skipped, and so are our own layers of hidden lines; `use` is not followed.
 
     Parameters
     ----------
@@ -251,6 +251,8 @@ class _SvgReader:
         shape = tag in SHAPES or "data-ss-path" in attributes
         style = attributes.get("style", "")
         if css_property("display", style, attributes) == "none" or not (shape or tag in GROUPS):
+            return None
+        if "data-ss-hidden" in attributes:  # a layer of ours, of what is behind the shape
             return None
         matrix, kind, visible, view = (IDENTITY, KINDS.index("other"), True, (0.0, 0.0)) if root else self.stack[-1]
         visibility = css_property("visibility", style, attributes)

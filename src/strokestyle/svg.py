@@ -68,18 +68,33 @@ def plain_svg(
     title: str = "",
     description: str = "",
     background: str | None = None,
+    hidden: Curves | None = None,
 ) -> str:
-    """Plain curves as SVG text: black lines 1 px wide, one path a curve, one Inkscape layer per line kind."""
+    """Plain curves as SVG text: black lines 1 px wide, one path a curve, one Inkscape layer per line kind.
+
+    Those that are `hidden` are thin and dashed, on layers of their own beneath: hidden-contour and so on.
+    """
     options = SvgOptions(decimals=decimals, title=title, description=description, background=background)
+    pen = {"fill": "none", "stroke": "#000000", "stroke-width": "1", "stroke-linecap": "round"}
+    pen["stroke-linejoin"] = "round"
+    content = ""
+    if hidden is not None and len(hidden):
+        dashes = pen | {"stroke-width": "0.5", "stroke-linecap": "butt", "stroke-dasharray": "4 2.5"}
+        for kind, paths in _plain_paths(hidden, "h", decimals).items():
+            content += layer(f"hidden-{kind}", paths, dashes | {"data-ss-hidden": "1"})
+    for kind, paths in _plain_paths(curves, "k", decimals).items():
+        content += layer(kind, paths, pen)
+    return document(content, size, options)
+
+
+def _plain_paths(curves: Curves, letter: str, decimals: int) -> dict[str, str]:
+    """Kind -> its curves as path elements, the most important kind last, so that it lies on top."""
     layers, digits = {}, max(3, len(str(max(len(curves) - 1, 0))))
     for place, i in enumerate(np.argsort(-curves.kind.astype(np.int64), kind="stable").tolist()):
         d = polyline_path(curves[i], decimals, bool(curves.closed[i]))
-        path = element("path", {"id": f"k{place:0{digits}d}", "d": d, "class": "curve"})
-        layers.setdefault(KINDS[curves.kind[i]], []).append(path)
-    pen = {"fill": "none", "stroke": "#000000", "stroke-width": "1", "stroke-linecap": "round"}
-    pen["stroke-linejoin"] = "round"
-    content = "".join(layer(kind, "".join(inside), pen) for kind, inside in layers.items())
-    return document(content, size, options)
+        path = element("path", {"id": f"{letter}{place:0{digits}d}", "d": d, "class": "curve"})
+        layers[KINDS[curves.kind[i]]] = layers.get(KINDS[curves.kind[i]], "") + path
+    return layers
 
 
 def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#ffffff") -> bytes:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from .camera import Camera
-from .chaining import tidy
+from .chaining import beside_none, tidy
 from .curves import DEFAULT_SPACING, KINDS, Curves, owner, resample_curves, take_ragged
 from .feature_curves import LineOptions, SurfaceCurves, ViewFields, feature_curves
 from .files import replace_file
@@ -20,12 +20,14 @@ from .surface import Surface
 from .visibility import Scene
 
 FORMAT = 1
+CURVE_ARRAYS = ("xy", "offsets", "kind", "closed")
 SAMPLE = 1.0  # px between the points at which a line is asked whether it is seen
 FLICKER = 2.5  # px
 DEPTH_STEP = 0.01  # of the depth: a jump, not a slope
 CLIP = 8.0  # of the 90th percentile
 FLAT = 0.1  # the least scale of a curvature: on a box, where more than 90 % is flat, the rest must not become infinite
 SHARP_KINDS = ("boundary", "crease", "intersection")  # lines that are edges of the mesh
+HARD_KINDS = ("contour", *SHARP_KINDS)  # lines that are drawn hidden too
 
 # The paper's eight geometry channels (its authors split the radial curvature by sign), then the screen-space normal.
 PAPER_MAPS = (
@@ -89,11 +91,13 @@ class View:
     camera : Camera
     curves : Curves, visible, evenly spaced, within the canvas
     maps : FeatureMaps of the camera's size
+    hidden : Curves behind the surface, where they were asked for
     """
 
     camera: Camera
     curves: Curves
     maps: FeatureMaps
+    hidden: Curves = field(default_factory=Curves.empty)
 
     def __post_init__(self):
         if self.maps.covered.shape != (self.camera.height, self.camera.width):
@@ -146,15 +150,25 @@ def extract(
     options: LineOptions | None = None,
     spacing: float = DEFAULT_SPACING,
     scene: Scene | None = None,
+    hidden: bool = False,
 ) -> View:
     """Draw a surface plainly: feature curves, hidden parts cut away, tidied, evenly spaced; and the feature maps.
 
-    `scene` is the surface's own; give it to draw several views without building it again.
+    `scene` is the surface's own; give it to draw several views without building it again. `hidden` asks for the hidden
+    parts too, of the kinds in HARD_KINDS: those describe the shape, the others only how its front looks.
     """
+    options, size = options or LineOptions(), (camera.width, camera.height)
     scene = scene or Scene(surface)
     fragments, strength = visible_fragments(surface, camera, feature_curves(surface, camera, options), scene)
-    curves = resample_curves(tidy(fragments, strength, size=(camera.width, camera.height)), spacing)
-    return View(camera, curves, feature_maps(surface, camera, curves, scene))
+    strokes = tidy(fragments, strength, size)
+    curves = resample_curves(strokes, spacing)
+    behind = Curves.empty()
+    if hidden:
+        kinds = tuple(kind for kind in options.kinds if kind in HARD_KINDS)
+        every = feature_curves(surface, camera, replace(options, kinds=kinds, trim=False))
+        fragments = beside_none(hidden_fragments(surface, camera, every, scene), strokes, size)
+        behind = resample_curves(tidy(fragments, np.ones(len(fragments.xy)), size), spacing)
+    return View(camera, curves, feature_maps(surface, camera, curves, scene), behind)
 
 
 def view_of(
@@ -172,8 +186,51 @@ def visible_fragments(
 
     Lines are sampled every SAMPLE px. What is seen or hidden over less than FLICKER px takes after its surroundings.
     """
+    sight = _sight(surface, camera, lines, scene)
+    return sight.fragments(lines, sight.seen)
+
+
+def hidden_fragments(surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Scene) -> Curves:
+    """The parts of lines on a surface that are on the canvas but hidden: what `visible_fragments` leaves of them."""
+    sight = _sight(surface, camera, lines, scene)
+    return sight.fragments(lines, sight.inside & ~sight.seen)[0]
+
+
+@dataclass(frozen=True)
+class _Sight:
+    """What a camera sees of lines, at M points along them.
+
+    Parameters
+    ----------
+    xy : (M, 2) pixels, on the canvas
+    strength : (M,)
+    line : (M,) int, the line that each point is on
+    inside, seen : (M,) bool, on the canvas; and not behind the surface
+    """
+
+    xy: np.ndarray
+    strength: np.ndarray
+    line: np.ndarray
+    inside: np.ndarray
+    seen: np.ndarray
+
+    def fragments(self, lines: SurfaceCurves, wanted: np.ndarray) -> tuple[Curves, np.ndarray]:
+        """The stretches of `wanted` (M,) points as curves, and the strength of their points."""
+        if not len(self.line):
+            return Curves.empty(), np.zeros(0)
+        new = np.flatnonzero(np.r_[True, (wanted[1:] != wanted[:-1]) | (self.line[1:] != self.line[:-1])])
+        end = np.r_[new[1:], len(wanted)]
+        good = wanted[new] & (end - new >= 2)
+        rows, offsets = take_ragged(np.r_[new, len(wanted)], np.flatnonzero(good))
+        kept = self.line[new[good]]
+        whole = (end - new)[good] == np.bincount(self.line, minlength=len(lines))[kept]
+        curves = Curves(self.xy[rows], offsets, lines.kind[kept], lines.closed[kept] & whole)
+        return curves, self.strength[rows]
+
+
+def _sight(surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Scene) -> _Sight:
     if not len(lines):
-        return Curves.empty(), np.zeros(0)
+        return _Sight(np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64), np.zeros(0, bool), np.zeros(0, bool))
     points = lines.points(surface)
     start, t = _nodes(points, lines.offsets, camera)
     line = owner(lines.offsets)[start]
@@ -181,22 +238,16 @@ def visible_fragments(
     node = points[start] + t[:, None] * (points[after] - points[start])
     strength = lines.strength[start] + t * (lines.strength[after] - lines.strength[start])
     sharp = np.isin(lines.kind, [KINDS.index(kind) for kind in SHARP_KINDS])[line]
-    node_xy, node_depth = camera.project(node)
+    xy, depth = camera.project(node)
     low, high = -1e-6, np.array([camera.width, camera.height]) + 1e-6
-    seen = (node_depth > 0.0) & ((node_xy >= low) & (node_xy <= high)).all(axis=1)
-    ask = np.flatnonzero(seen)
+    inside = (depth > 0.0) & ((xy >= low) & (xy <= high)).all(axis=1)
+    ask, seen = np.flatnonzero(inside), inside.copy()
     seen[ask] = scene.seen(camera.eye, lines.face[start[ask]], node[ask], sharp[ask])
-    node_xy = np.clip(node_xy, 0.0, [camera.width, camera.height])
-    step = np.r_[0.0, np.hypot(*np.diff(node_xy, axis=0).T)]
+    xy = np.clip(xy, 0.0, [camera.width, camera.height])
+    step = np.r_[0.0, np.hypot(*np.diff(xy, axis=0).T)]
     for state in (False, True):  # first mend short gaps, then drop short sightings
         seen = _without_short_runs(seen, line, step, state)
-    new = np.flatnonzero(np.r_[True, (seen[1:] != seen[:-1]) | (line[1:] != line[:-1])])
-    end = np.r_[new[1:], len(seen)]
-    good = seen[new] & (end - new >= 2)
-    rows, offsets = take_ragged(np.r_[new, len(seen)], np.flatnonzero(good))
-    kept = line[new[good]]
-    whole = (end - new)[good] == np.bincount(line, minlength=len(lines))[kept]
-    return Curves(node_xy[rows], offsets, lines.kind[kept], lines.closed[kept] & whole), strength[rows]
+    return _Sight(xy, strength, line, inside, seen)
 
 
 def _nodes(points: np.ndarray, offsets: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -386,10 +437,12 @@ def save_view(path: str | Path, view: View) -> None:
     arrays = {
         "strokestyle_view": np.array(FORMAT),
         "camera": np.array(json.dumps(view.camera.to_dict())),
-        "xy": curves.xy, "offsets": curves.offsets, "kind": curves.kind, "closed": curves.closed,
+        **{name: getattr(curves, name) for name in CURVE_ARRAYS},
         "names": np.array(maps.names), "values": maps.values.astype(np.float16), "covered": np.packbits(maps.covered),
         "scale": maps.scale,
     }  # fmt: skip
+    if len(view.hidden):
+        arrays |= {f"hidden_{name}": getattr(view.hidden, name) for name in CURVE_ARRAYS}
 
     def write(name):
         # np.savez_compressed takes four times as long, and writes the time of day
@@ -413,11 +466,15 @@ def load_view(path: str | Path) -> View:
             if int(file["strokestyle_view"]) > FORMAT:
                 raise ValueError("written by a newer strokestyle; update, or extract it again")
             camera = Camera.from_dict(json.loads(str(file["camera"])))
-            curves = Curves(file["xy"], file["offsets"], file["kind"], file["closed"])
+            curves = Curves(*(file[name] for name in CURVE_ARRAYS))
             shape, bits = (camera.height, camera.width), np.unpackbits(file["covered"])
             covered = bits[: shape[0] * shape[1]].astype(bool).reshape(shape)
             scale = file["scale"] if "scale" in file.files else None
-            return View(camera, curves, FeatureMaps(tuple(map(str, file["names"])), file["values"], covered, scale))
+            hidden = Curves.empty()
+            if "hidden_xy" in file.files:
+                hidden = Curves(*(file[f"hidden_{name}"] for name in CURVE_ARRAYS))
+            maps = FeatureMaps(tuple(map(str, file["names"])), file["values"], covered, scale)
+            return View(camera, curves, maps, hidden)
     except (zipfile.BadZipFile, EOFError, KeyError, zlib.error, TypeError) as error:
         raise ValueError(f"{path}: not a view, or a damaged one ({error}); extract it again") from None
     except ValueError as error:
@@ -433,20 +490,27 @@ def view_to_json(view: View) -> dict:
     scale = np.array([view.maps.scale[view.maps.names.index(name)] for name in names])
     fields = view.at_curves(names) * scale
 
-    def ragged(values, digits):
+    def ragged(curves, values, digits):
         flat = np.round(np.asarray(values, np.float64), digits).tolist()
         return [flat[a:b] for a, b in zip(curves.offsets[:-1], curves.offsets[1:], strict=True)]
 
-    return {
+    content = {
         "format": "strokestyle-curves-1",
         "camera": view.camera.to_dict(),
         "size": [view.camera.width, view.camera.height],
         "step": float(np.round(np.median(np.hypot(*np.diff(curves.xy, axis=0).T)), 2)) if len(curves) else 0.0,
-        "curves": ragged(curves.xy, 2),
+        "curves": ragged(curves, curves.xy, 2),
         "kinds": [KINDS[k] for k in curves.kind],
         "closed": curves.closed.tolist(),
         "fields": {
-            name: ragged(column, 4)
+            name: ragged(curves, column, 4)
             for name, column in zip(("depth", "ndotv", "curvature", "nx", "ny"), fields.T, strict=True)
         },
     }
+    if len(view.hidden):
+        content["hidden"] = {
+            "curves": ragged(view.hidden, view.hidden.xy, 2),
+            "kinds": [KINDS[k] for k in view.hidden.kind],
+            "closed": view.hidden.closed.tolist(),
+        }
+    return content
