@@ -10,7 +10,8 @@ import pytest
 import shapes
 import trimesh
 
-from strokestyle.surface import Surface, bounding_radius, corner_areas, load_surface, make_surface, mesh_edges
+from strokestyle.edges import Edges
+from strokestyle.surface import Surface, bounding_radius, corner_areas, load_surface, make_surface
 
 SHARED = os.environ.get("STROKESTYLE_SHARED")
 needs_oracles = pytest.mark.skipif(not SHARED, reason="STROKESTYLE_SHARED names no folder with rtsc's numbers")
@@ -393,8 +394,8 @@ def test_edges():
     assert (surface.edge_face_count == 2).all()
     for face in surface.edge_faces.T:
         assert (surface.face_edges[face] == np.arange(len(surface.edges))[:, None]).any(axis=1).all()
-    lone, sides = mesh_edges(np.array([[2, 0, 1]]), 3)
-    assert lone.tolist() == [[0, 1], [0, 2], [1, 2]] and sides.tolist() == [[1, 0, 2]]
+    lone = Edges.of(np.array([[2, 0, 1]]), 3)
+    assert lone.ends.tolist() == [[0, 1], [0, 2], [1, 2]] and lone.of_side.tolist() == [[1, 0, 2]]
 
 
 # ------------------------------------------------------------------------------------------------------------ reading

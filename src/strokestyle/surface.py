@@ -12,6 +12,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from .edges import Edges, all_corners
 from .mesh_files import read_mesh
 
 DEFAULT_CREASE = 40.0  # degrees between two faces
@@ -99,64 +100,73 @@ class Surface:
         object.__setattr__(self, "part_names", tuple(self.part_names))
 
     @cached_property
-    def _edge_tables(self) -> tuple[np.ndarray, np.ndarray]:
-        return mesh_edges(self.weld[self.faces], len(self.vertices))
+    def _edges(self) -> Edges:
+        return Edges.of(self.weld[self.faces], len(self.vertices))
 
     @property
     def edges(self) -> np.ndarray:
         """(E, 2) int, the welded vertices of each edge, the lower index first."""
-        return self._edge_tables[0]
+        return self._edges.ends
 
     @property
     def face_edges(self) -> np.ndarray:
         """(F, 3) int, face_edges[f, i] is the edge from corner i to corner i + 1 of face f."""
-        return self._edge_tables[1]
+        return self._edges.of_side
 
-    @cached_property
+    @property
     def edge_face_count(self) -> np.ndarray:
         """(E,) int, faces at each edge: 1 on a boundary, 2 inside, more where the mesh is not a manifold."""
-        return np.bincount(self.face_edges.ravel(), minlength=len(self.edges))
+        return self._edges.uses
 
     @cached_property
     def edge_faces(self) -> np.ndarray:
         """(E, 2) int, the first two faces of each edge; -1 where there is no second."""
-        return edge_faces(self.face_edges, len(self.edges))
+        return self._edges.faces
 
     @cached_property
     def cut_edges(self) -> np.ndarray:
         """Indices of the edges between two faces, each of which has vertices of its own there."""
-        inner = np.flatnonzero(self.edge_face_count == 2)
+        repeated = np.bincount(self.weld, minlength=len(self.vertices)) > 1
+        inner = np.flatnonzero((self.edge_face_count == 2) & (repeated[self.edges[:, 0]] | repeated[self.edges[:, 1]]))
         near, far = (self.faces[face[:, None], corner] for face, corner in self.edge_corners(inner))
         return inner[(near != far).any(axis=1)]
 
     def edge_corners(self, edge: np.ndarray):
         """For the first, then the second face at edges (M,): the face (M,), its corners (M, 2) at the edge's ends."""
-        for face in self.edge_faces[edge].T:
-            corners = self.weld[self.faces[face]]
-            yield face, np.stack([np.argmax(corners == end[:, None], axis=1) for end in self.edges[edge].T], axis=1)
+        for at in self._edges.sides[edge].T:
+            face, side = np.divmod(at, 3)
+            after = (side + 1) % 3
+            forward = self.weld[self.faces[face, side]] == self.edges[edge, 0]
+            yield face, np.stack([np.where(forward, side, after), np.where(forward, after, side)], axis=1)
+
+    @cached_property
+    def clashing_edges(self) -> np.ndarray:
+        """(E,) bool, edges of two faces that both run the same way along it: no winding agrees there."""
+        return clashes(self.weld[self.faces], self._edges)
 
     @cached_property
     def face_normals(self) -> np.ndarray:
         """(F, 3) float64, unit; faces too thin to have a normal have that of the face at their longest side."""
-        return face_normals(self.vertices, self.faces, self.face_edges, self.edge_faces)
+        return face_normals(self.vertices, self.faces, self._edges)
 
     @cached_property
     def mean_edge(self) -> float:
         """Mean edge length."""
         a, b = self.edges.T
-        return float(np.linalg.norm(self.vertices[a] - self.vertices[b], axis=1).mean())
+        along = self.vertices[a] - self.vertices[b]
+        return float(np.sqrt(_dot(along, along)).mean())
 
     @cached_property
     def component(self) -> np.ndarray:
         """(F,) int, the connected component (through shared edges) of each face."""
-        return _face_components(self.face_edges, len(self.edges))
+        return self._edges.components()
 
     @cached_property
     def closed_faces(self) -> np.ndarray:
         """(F,) bool, faces of components without boundary: only their outside can be seen."""
         open_edge = self.edge_face_count == 1
         open_component = np.zeros(self.component.max() + 1, bool)
-        open_component[self.component[open_edge[self.face_edges].any(axis=1)]] = True
+        open_component[self.component[self._edges.at_face(open_edge)]] = True
         return ~open_component[self.component]
 
     @cached_property
@@ -169,7 +179,8 @@ class Surface:
     def smoothed(self, edges: float) -> Surface:
         """The same mesh with normals and curvatures smoothed over `edges` mean edge lengths; its vertices stay."""
         names = ("normals", "k1", "k2", "pdir1", "pdir2", "dcurv", "feature_size")
-        values = differential_geometry(self.vertices, self.faces, edges)
+        known = self._edges if np.array_equal(self.weld, np.arange(len(self.weld))) else None
+        values = differential_geometry(self.vertices, self.faces, edges, edges=known)
         other = replace(self, **dict(zip(names, values, strict=True)))
         shape_only = {name for name, value in vars(type(self)).items() if isinstance(value, cached_property)}
         other.__dict__.update({name: value for name, value in self.__dict__.items() if name in shape_only})
@@ -249,20 +260,25 @@ def make_surface(
     points, faces = _compact(vertices, faces)
     points, centre, scale = _normalise(points)
     points, faces, part = _weld(points, faces, part)
-    faces = _orient(points, faces)
+    edges = Edges.of(faces, len(points))
+    turn = _turn(points, faces, edges)
+    faces, edges = np.where(turn[:, None], faces[:, ::-1], faces), edges.turned(turn)
     points, moved_centre, moved_scale = _normalise(points)  # dropped faces may have held the box open
-    faces, weld = _cut(points, faces, crease)
+    faces, weld = _cut(points, faces, edges, crease)
     vertices = points[weld]
-    return Surface(
+    whole = edges if len(weld) == len(points) else None
+    surface = Surface(
         vertices,
         faces,
-        *differential_geometry(vertices, faces, smooth, rtsc),
+        *differential_geometry(vertices, faces, smooth, rtsc, whole),
         centre=centre + scale * moved_centre,
         scale=scale * moved_scale,
         part=part,
         part_names=part_names,
         weld=weld,
     )
+    surface.__dict__["_edges"] = edges  # as worked out already
+    return surface
 
 
 # ---------------------------------------------------------------------------------------------------- cleaning
@@ -298,8 +314,8 @@ def _weld(points: np.ndarray, faces: np.ndarray, part: np.ndarray) -> tuple[np.n
     points, faces = _compact(points, faces)
     faces, part = _drop_degenerate(points, faces, part)
     # Two nearly equal positions can fall into two cells. Where that tore the mesh, both lie on a boundary.
-    edges, face_edges = mesh_edges(faces, len(points))
-    open_edges = edges[np.bincount(face_edges.ravel(), minlength=len(edges)) == 1]
+    edges = Edges.of(faces, len(points))
+    open_edges = edges.ends[edges.uses == 1]
     if len(open_edges):
         rim = np.unique(open_edges)
         pairs = cKDTree(points[rim]).query_pairs(WELD, output_type="ndarray")
@@ -316,9 +332,11 @@ def _weld(points: np.ndarray, faces: np.ndarray, part: np.ndarray) -> tuple[np.n
 def _drop_degenerate(points: np.ndarray, faces: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     p0, p1, p2 = (points[faces[:, i]] for i in range(3))
     longest = np.maximum(_dot(p1 - p0, p1 - p0), np.maximum(_dot(p2 - p1, p2 - p1), _dot(p0 - p2, p0 - p2)))
-    area = np.linalg.norm(np.cross(p1 - p0, p2 - p0), axis=1)
-    good = area > 1e-10 * longest  # height over base; repeated indices give 0 > 0
-    sorted_faces = np.sort(faces, axis=1)
+    cross = np.cross(p1 - p0, p2 - p0)
+    good = np.sqrt(_dot(cross, cross)) > 1e-10 * longest  # height over base; repeated indices give 0 > 0
+    a, b, c = faces.T
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    sorted_faces = np.stack([low, a + b + c - low - high, high], axis=1)
     count = len(points)
     if count < 2_000_000:  # three indices fit one int64: a plain sort, many times faster than by rows
         key = (sorted_faces[:, 0] * count + sorted_faces[:, 1]) * count + sorted_faces[:, 2]
@@ -332,15 +350,15 @@ def _drop_degenerate(points: np.ndarray, faces: np.ndarray, part: np.ndarray) ->
         # A face of three points in a row may close the gap between one long side and two short ones: then it stays.
         filler = once & ~good & (sorted_faces[:, 0] < sorted_faces[:, 1]) & (sorted_faces[:, 1] < sorted_faces[:, 2])
         left = np.flatnonzero(good | filler)
-        edges, face_edges = mesh_edges(faces[left], count)
-        tight = (np.bincount(face_edges.ravel(), minlength=len(edges)) == 2)[face_edges].all(axis=1)
+        edges = Edges.of(faces[left], count)
+        tight = all_corners(edges.of_side, edges.uses == 2)
         good[left] |= filler[left] & tight
     if not good.any():
         raise ValueError(f"none of its {len(faces)} faces has any area: nothing to draw")
     return faces[good], part[good]
 
 
-def face_normals(points: np.ndarray, faces: np.ndarray, face_edges: np.ndarray, pair: np.ndarray) -> np.ndarray:
+def face_normals(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndarray:
     """Unit normals (F, 3). Faces lower than THIN have that of the face at their longest side: their own is noise."""
     side = _sides(points, faces)
     cross = np.cross(side[0], side[1])
@@ -348,57 +366,31 @@ def face_normals(points: np.ndarray, faces: np.ndarray, face_edges: np.ndarray, 
     normal = _unit(cross)
     thin = np.flatnonzero(np.sqrt(_dot(cross, cross)) < THIN * length.max(axis=0))
     for _ in range(4):  # thin faces may lie in a row
-        longest = face_edges[thin, (length[:, thin].argmax(axis=0) + 1) % 3]
-        other = pair[longest].sum(axis=1) - thin
-        normal[thin] = np.where((pair[longest] >= 0).all(axis=1)[:, None], normal[other], normal[thin])
+        longest = edges.of_side[thin, (length[:, thin].argmax(axis=0) + 1) % 3]
+        pair = edges.sides[longest] // 3
+        other = pair.sum(axis=1) - thin
+        normal[thin] = np.where((pair >= 0).all(axis=1)[:, None], normal[other], normal[thin])
     return normal
 
 
-def mesh_edges(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Faces (F, 3) over `count` vertices -> edges (E, 2), lower index first, and the edge of each side (F, 3).
-
-    Side i runs from corner i to corner i + 1.
-    """
-    start, end = faces, np.roll(faces, -1, axis=1)
-    key = np.minimum(start, end) * count + np.maximum(start, end)
-    unique, inverse = np.unique(key.ravel(), return_inverse=True)
-    return np.stack(np.divmod(unique, count), axis=1), inverse.reshape(faces.shape)
-
-
-def edge_faces(face_edges: np.ndarray, count: int) -> np.ndarray:
-    """The first two faces of each of `count` edges, (E, 2), -1 where there is none."""
-    order = np.argsort(face_edges.ravel(), kind="stable")
-    face = order // 3
-    uses = np.bincount(face_edges.ravel(), minlength=count)
-    start = np.r_[0, np.cumsum(uses)[:-1]]
-    second = np.where(uses > 1, face[np.minimum(start + 1, len(face) - 1)], -1)
-    return np.stack([face[start], second], axis=1)
-
-
-def _face_components(face_edges: np.ndarray, edges: int) -> np.ndarray:
-    """(F,) component of each face: faces are joined where they share an edge."""
-    faces = len(face_edges)
-    corner_face = np.repeat(np.arange(faces), 3)
-    pairs = (corner_face, faces + face_edges.ravel())
-    links = coo_matrix((np.ones(3 * faces, np.int8), pairs), shape=(faces + edges, faces + edges))
-    label = connected_components(links, directed=False)[1][:faces]
-    return np.unique(label, return_inverse=True)[1].ravel()
-
-
-def _orient(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Make the winding agree within each component; outward where closed, as most faces had it where open."""
-    edges, face_edges = mesh_edges(faces, len(points))
-    uses = np.bincount(face_edges.ravel(), minlength=len(edges))
-    pair = edge_faces(face_edges, len(edges))
+def clashes(faces: np.ndarray, edges: Edges) -> np.ndarray:
+    """(E,) bool, edges of two faces that both run the same way along it."""
     forward = faces < np.roll(faces, -1, axis=1)  # side runs from its edge's lower to its higher vertex
-    inner = uses == 2
-    runs = np.bincount(face_edges.ravel(), weights=forward.ravel(), minlength=len(edges))
-    clash = inner & (runs != 1)  # both faces run the same way along it
-    component = _face_components(face_edges, len(edges))
+    runs = np.bincount(edges.of_side.ravel(), weights=forward.ravel(), minlength=len(edges))
+    return (edges.uses == 2) & (runs != 1)
+
+
+def _turn(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndarray:
+    """(F,) bool, the faces to turn over so that the winding agrees within each component: outward where it is closed,
+    as most faces have it where it is open."""
+    turn = np.zeros(len(faces), bool)
+    clash = clashes(faces, edges)
+    component = edges.components()
     if clash.any():
         # Two copies of each face, one per winding. Copies that must go together are connected; a component is
         # orientable when its two windings stay apart.
-        f, g = pair[inner].T
+        inner = edges.uses == 2
+        f, g = edges.faces[inner].T
         swap = clash[inner]
         n = len(faces)
         rows, columns = np.r_[f, f + n], np.r_[np.where(swap, g + n, g), np.where(swap, g, g + n)]
@@ -408,16 +400,14 @@ def _orient(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
         # of the two windings of a component, take the one that more faces have as given; the lower label at a tie
         votes = np.bincount(kept, minlength=label.max() + 1)
         turn = (votes[turned] > votes[kept]) | ((votes[turned] == votes[kept]) & (turned < kept))
-        faces = np.where(turn[:, None], faces[:, ::-1], faces)
     closed = np.ones(component.max() + 1, bool)
-    closed[component[(uses == 1)[face_edges].any(axis=1)]] = False
+    closed[component[edges.at_face(edges.uses == 1)]] = False
     p0, p1, p2 = (points[faces[:, i]] for i in range(3))
-    volume = np.bincount(component, weights=_dot(p0, np.cross(p1, p2)))
-    inward = closed & (volume < 0.0)
-    return np.where(inward[component][:, None], faces[:, ::-1], faces)
+    volume = np.bincount(component, weights=np.where(turn, -1.0, 1.0) * _dot(p0, np.cross(p1, p2)))
+    return turn ^ (closed & (volume < 0.0))[component]
 
 
-def _cut(points: np.ndarray, faces: np.ndarray, crease: float) -> tuple[np.ndarray, np.ndarray]:
+def _cut(points: np.ndarray, faces: np.ndarray, edges: Edges, crease: float) -> tuple[np.ndarray, np.ndarray]:
     """Give each side of a sharp edge vertices of its own: faces (F, 3) over the new vertices, and their old ones (V,).
 
     Sharp are edges of more than `crease` degrees that together reach over SHORT_CREASE, those that meet in a tip, those
@@ -425,31 +415,27 @@ def _cut(points: np.ndarray, faces: np.ndarray, crease: float) -> tuple[np.ndarr
     faces that is joined through other edges, so that one sharp edge alone changes nothing.
     """
     count = len(points)
-    edges, face_edges = mesh_edges(faces, count)
-    uses = np.bincount(face_edges.ravel(), minlength=len(edges))
-    inner = np.flatnonzero(uses == 2)
-    pair = edge_faces(face_edges, len(edges))
-    f, g = pair[inner].T
-    normal = face_normals(points, faces, face_edges, pair)
-    forward = (faces < np.roll(faces, -1, axis=1)).ravel()
-    clash = np.bincount(face_edges.ravel(), weights=forward, minlength=len(edges))[inner] != 1
+    inner = np.flatnonzero(edges.uses == 2)
+    f, g = edges.faces[inner].T
+    normal = face_normals(points, faces, edges)
+    clash = clashes(faces, edges)[inner]
     sharp = (_dot(normal[f], normal[g]) < np.cos(np.radians(crease))) & ~clash & (crease < 180.0)
     if sharp.any():
-        a, b = edges[inner[sharp]].T
+        a, b = edges.ends[inner[sharp]].T
         chain = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1][a]
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
         np.minimum.at(low, chain, np.minimum(points[a], points[b]))
         np.maximum.at(high, chain, np.maximum(points[a], points[b]))
         sharp[sharp] = np.linalg.norm(high[chain] - low[chain], axis=1) >= SHORT_CREASE
     if crease < 180.0:
-        tip = _tips(points, faces, edges, normal, np.cos(np.radians(crease)))
-        tip[edges[inner[sharp | clash]]] = False  # cut as it is
-        sharp |= tip[edges[inner]].any(axis=1)
-    if not (sharp.any() or clash.any() or (uses > 2).any()):
+        tip = _tips(points, faces, edges.ends, normal, np.cos(np.radians(crease)))
+        tip[edges.ends[inner[sharp | clash]]] = False  # cut as it is
+        sharp |= tip[edges.ends[inner]].any(axis=1)
+    if not (sharp.any() or clash.any() or (edges.uses > 2).any()):
         return faces, np.arange(count)
     # corners of two faces belong together at both ends of an edge that is not cut
     joined = ~(sharp | clash)
-    f, g, ends = f[joined], g[joined], edges[inner[joined]]
+    f, g, ends = f[joined], g[joined], edges.ends[inner[joined]]
     links = []
     for face in (f, g):
         corner = [np.argmax(faces[face] == end[:, None], axis=1) for end in ends.T]
@@ -525,14 +511,13 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return _unit(normals)
 
 
-def _mend_rim_normals(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def _mend_rim_normals(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, edges: Edges) -> np.ndarray:
     """Normals (V, 3) with those on boundaries and creases extrapolated instead of averaged.
 
     A vertex with faces on one side only has the normal of a place half an edge away, which spoils the curvature for two
     rings of vertices. There the face normals of two rings, each true at its centroid, are fitted by a linear field.
     """
-    edges, face_edges = mesh_edges(faces, len(vertices))
-    rim = np.unique(edges[np.bincount(face_edges.ravel(), minlength=len(edges)) == 1])
+    rim = np.unique(edges.ends[edges.uses == 1])
     if not len(rim):
         return normals
     number = np.full(len(vertices), -1)
@@ -618,12 +603,15 @@ def _solve_tridiagonal(diagonal: list, off: list, right: list, rtsc: bool = Fals
     return out
 
 
-def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float = 0.0, rtsc: bool = False) -> tuple:
+def differential_geometry(
+    vertices: np.ndarray, faces: np.ndarray, smooth: float = 0.0, rtsc: bool = False, edges: Edges | None = None
+) -> tuple:
     """Normals, k1, k2, pdir1, pdir2, dcurv, feature size, after Rusinkiewicz 2004.
 
     `rtsc` : the numbers of rtsc 1.6 to the last digit instead, for comparison with it. It differs from the paper in
     that its 3 x 3 solver skips the last elimination step, which makes curvature depend on the order of a face's
     corners, and in that it estimates the feature size from 500 vertices.
+    `edges` : those of the faces, where they are known.
 
     Least squares on each face fits the second fundamental form to differences of vertex normals, and its derivative to
     differences of vertex curvatures; vertices average their faces by Voronoi area after turning each face's plane
@@ -635,9 +623,10 @@ def differential_geometry(vertices: np.ndarray, faces: np.ndarray, smooth: float
     """
     count, index = len(vertices), faces.ravel()
     normals = vertex_normals(vertices, faces)
+    edges = edges or Edges.of(faces, count)
     if not rtsc:
-        normals = _mend_rim_normals(vertices, faces, normals)
-    blur = _blur(vertices, faces, smooth)
+        normals = _mend_rim_normals(vertices, faces, normals, edges)
+    blur = _blur(edges, count, smooth)
     if blur is not None:
         normals = _unit(blur(normals))
     x, y = _tangent_frame(normals)
@@ -797,16 +786,15 @@ def _smallest_sphere(points: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]
     return best
 
 
-def _blur(vertices: np.ndarray, faces: np.ndarray, smooth: float):
+def _blur(edges: Edges, count: int, smooth: float):
     """A function that smooths per-vertex values (V, k) by `smooth` mean edges; None where there is nothing to do.
 
     Repeated half-way averaging with the edge neighbours: each step adds a quarter of a squared edge of variance.
     """
     if smooth <= 0.0:
         return None
-    count = len(vertices)
-    edges, _ = mesh_edges(faces, count)
-    rows, columns = np.r_[edges[:, 0], edges[:, 1]], np.r_[edges[:, 1], edges[:, 0]]
+    low, high = edges.ends.T
+    rows, columns = np.r_[low, high], np.r_[high, low]
     steps = int(np.ceil(4.0 * smooth**2))
     part = 0.5 * (4.0 * smooth**2 / steps)  # a little less than half, so that whole steps end where they should
     weight = part / np.bincount(rows, minlength=count)[rows]
