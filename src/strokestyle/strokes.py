@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -111,12 +111,15 @@ class Drawing:
     size : (width, height), pixels
     color : (C, 4) float64 in [0, 1], straight RGBA: what a stroke looks like where no texture is wanted
     texture : Texture with one strip per stroke, or None
+    art : how the strokes of a file were drawn in it, by what svg_read.digest makes of each: what is read and not
+        changed is written as it was
     """
 
     strokes: Strokes
     size: tuple[int, int]
     color: np.ndarray
     texture: Texture | None = None
+    art: dict = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self):
         color = np.asarray(self.color, np.float64)

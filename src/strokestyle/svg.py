@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import base64
 import gzip
+import re
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -16,35 +19,83 @@ from .outlines import outlines
 from .painting import stroke_pixels
 from .palette import palette_png
 from .ribbons import ribbon_outlines
+from .strips import strips_png
 from .strokes import Drawing, paint_order
 from .svg_page import SvgOptions, document, layer
+from .svg_read import CLIP, digest, read
+from .svg_syntax import landmarks
 from .svg_text import element, hex_color, number, numbers, polyline_path, rings_path, units
 
 PATH_SLACK = 0.04  # px a centre line may be off where data-ss-path leaves points out
 CLIP_SLACK = 0.5  # px, the least tolerance of a clip: its edge lies where the texture is clear
 WIDTH_SLACK = 0.004  # px a width may be off where data-ss-width leaves points out
+ID = re.compile(r"[A-Za-z_][\w.-]{0,99}", re.ASCII)
+RESERVED = {"paper", *(f"layer-{kind}" for kind in KINDS)}
+
+__all__ = ["plain_svg", "png_from_svg", "read", "save_svg", "write_svg", "write_text"]
 
 
-def write_svg(drawing: Drawing, options: SvgOptions | None = None, **changes) -> str:
+def write_svg(
+    drawing: Drawing, options: SvgOptions | None = None, *, ids: Sequence[str] | None = None, **changes
+) -> str:
     """The drawing as SVG text; the same drawing gives the same text.
 
-    `changes` are fields of SvgOptions, in place of those of `options`. Raises ValueError on options that do not hold.
+    Parameters
+    ----------
+    options : how to write it
+    ids : (C,) names for the strokes; those that are empty, repeated or no names are made new. None: s000, s001 ... in
+        painting order
+    changes : fields of SvgOptions, in place of those of `options`
+
+    Raises
+    ------
+    ValueError
+        on options that do not hold.
     """
     options = replace(options or SvgOptions(), **changes)
     if options.texture == "auto" or drawing.texture is None:
         options = replace(options, texture="none" if drawing.texture is None else "image")
     order = paint_order(drawing.strokes)
-    make = {"none": _flat, "image": _images}[options.texture]
-    layers, digits = {}, max(3, len(str(max(len(order) - 1, 0))))
-    for place, (i, (tag, attributes, content)) in enumerate(
-        zip(order.tolist(), make(drawing, options, order), strict=True)
-    ):
-        name = f"s{place:0{digits}d}"
-        stroke = {"id": name, "class": "stroke", **_data(drawing, i, options.decimals), **attributes}
+    names = _names(order, ids)
+    drawn = {i: drawing.art.get(digest(drawing, i, options)) for i in order.tolist()} if drawing.art else {}
+    new = order[[drawn.get(i) is None for i in order.tolist()]]
+    for i, stroke in zip(new.tolist(), _drawn(drawing, options, new), strict=True):
+        drawn[i] = stroke
+    layers = {}
+    for i in order.tolist():
+        tag, markup = drawn[i]
         kind = KINDS[drawing.strokes.kind[i]] if options.layers == "kind" else ""
-        layers.setdefault(kind, []).append(element(tag, stroke, content))
+        stroke = f'\n<{tag} id="{names[i]}" class="stroke"{markup.replace(CLIP, "c-" + names[i])}'
+        layers.setdefault(kind, []).append(stroke)
     content = "".join(layer(kind, "".join(inside)) if kind else "".join(inside) for kind, inside in layers.items())
     return document(content, drawing.size, options, {})
+
+
+def _names(order: np.ndarray, ids: Sequence[str] | None) -> list[str]:
+    """An id for each stroke, (C,)."""
+    digits = max(3, len(str(max(len(order) - 1, 0))))
+    given = ids if ids is not None else [""] * len(order)
+    usable = [bool(ID.fullmatch(name)) and name not in RESERVED for name in given]
+    taken = {name for name, use in zip(given, usable, strict=True) if use}
+    fresh = (name for place in count() if (name := f"s{place:0{digits}d}") not in taken)
+    names, used = [""] * len(order), set()
+    for i in order.tolist():
+        names[i] = given[i] if usable[i] and given[i] not in used else next(fresh)
+        used.add(names[i])
+    return names
+
+
+def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray):
+    """(tag, markup after id and class) of each stroke of `index`."""
+    make = {"none": _flat, "image": _images}[options.texture]
+    strips = strips_png(drawing, index) if options.texture != "none" else [None] * len(index)
+    for i, strip, (tag, attributes, content) in zip(index.tolist(), strips, make(drawing, options, index), strict=True):
+        data = _data(drawing, i, options.decimals)
+        if strip is not None:
+            data["data-ss-texture"] = base64.b64encode(strip).decode("ascii")
+            data["data-ss-margin"] = number(drawing.texture.margin[i], 4)
+        markup = element(tag, {**data, **attributes}, content)
+        yield tag, markup[len(tag) + 2 :]
 
 
 def save_svg(path: str | Path, drawing: Drawing, options: SvgOptions | None = None, **changes) -> None:
@@ -108,13 +159,14 @@ def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#fffff
 def _flat(drawing, options, order):
     """(tag, attributes, content) of each stroke: its outline."""
     for rings in outlines(drawing.strokes, options.tolerance, order):
-        yield "path", {"d": rings_path(rings, options.decimals), "fill-rule": "nonzero"}, ""
+        d = rings_path(rings, options.decimals)
+        yield "path", {**marks(d), "fill-rule": "nonzero", "d": d}, ""
 
 
 def _images(drawing, options, order):
     """(tag, attributes, content) of each stroke: its pixels, clipped by the outline of its ribbon."""
     rings = ribbon_outlines(drawing, max(options.tolerance, CLIP_SLACK), order)
-    for place, (i, ring) in enumerate(zip(order.tolist(), rings, strict=True)):
+    for i, ring in zip(order.tolist(), rings, strict=True):
         picture = _stroke_image(drawing, i, options.texture_res)
         if picture is None:
             yield "g", {}, ""
@@ -125,7 +177,9 @@ def _images(drawing, options, order):
         box = {key: number(value, max(options.decimals, 3)) for key, value in box.items()}
         href = "data:image/png;base64," + base64.b64encode(png).decode("ascii")
         image = element("image", {**box, "preserveAspectRatio": "none", "xlink:href": href})
-        yield "g", {"clip-path": f"url(#c{place})"}, element("clipPath", {"id": f"c{place}"}, clip) + image
+        corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+        attributes = {**marks(corners), "clip-path": f"url(#{CLIP})"}
+        yield "g", attributes, element("clipPath", {"id": CLIP}, clip) + image
 
 
 def _stroke_image(drawing, i, resolution):
@@ -148,20 +202,32 @@ def _data(drawing: Drawing, i: int, decimals: int) -> dict[str, str]:
     strokes = drawing.strokes
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
     xy, width = strokes.xy[rows], strokes.thickness[rows]
-    path = xy[simplify(xy, PATH_SLACK)]
+    bends = simplify(xy, PATH_SLACK)
     along = arc_length(xy, np.array([0, len(xy)]))
-    keep = simplify(np.stack([along, width], axis=1), WIDTH_SLACK) if along[-1] > 0 else np.array([0, len(xy) - 1])
-    t = along[keep] / max(along[-1], 1e-12)
-    pairs = zip(numbers(units(t, 5), 5), numbers(units(width[keep], decimals), decimals), strict=True)
-    data = {
-        "data-ss-class": KINDS[strokes.kind[i]],
-        # the centre line is data, not a shape, so it is an open path even where the stroke is closed
-        "data-ss-path": polyline_path(path, decimals),
-        "data-ss-width": " ".join(f"{a},{b}" for a, b in pairs),
-    }
+    knots = simplify(np.stack([along, width], axis=1), WIDTH_SLACK) if along[-1] > 0 else np.array([0, len(xy) - 1])
+    # widths by arc length where they are few, else one for each point: what is shorter
+    t = numbers(units(along[knots] / max(along[-1], 1e-12), 5), 5)
+    pairs = " ".join(f"{a},{b}" for a, b in zip(t, numbers(units(width[knots], 3), 3), strict=True))
+    path = polyline_path(xy[bends], decimals)
+    both = np.union1d(bends, knots)
+    each = " ".join(numbers(units(width[both], 3), 3))
+    path_of_both = polyline_path(xy[both], decimals)
+    if len(path_of_both) + len(each) <= len(path) + len(pairs):
+        path, pairs = path_of_both, each
+    # the centre line is data, not a shape, so it is an open path even where the stroke is closed
+    data = {"data-ss-class": KINDS[strokes.kind[i]], "data-ss-path": path, "data-ss-width": pairs}
     if strokes.closed[i]:
         data["data-ss-closed"] = "1"
     data["fill"] = hex_color(drawing.color[i, :3])
     if drawing.color[i, 3] < 0.9995:
         data["fill-opacity"] = number(drawing.color[i, 3], 3)
     return data
+
+
+def marks(shape: str | np.ndarray) -> dict[str, str]:
+    """`data-ss-at` of path data, or of the corners (4, 2) of an image: where a stroke's first shape is."""
+    try:
+        x, y = (numbers(units(column, 2), 2) for column in landmarks(shape).T)
+    except ValueError:  # nothing is drawn
+        return {}
+    return {"data-ss-at": " ".join(f"{a},{b}" for a, b in zip(x, y, strict=True))}

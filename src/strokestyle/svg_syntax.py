@@ -352,6 +352,71 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[list[Segme
     return subpaths
 
 
+def landmarks(shape: str | np.ndarray) -> np.ndarray:
+    """The points (4, 2) at 0, 1/4, 1/2 and 3/4 of the length of path data's first subpath; of corners (4, 2), these."""
+    return shape if isinstance(shape, np.ndarray) else _quarters(_first_subpath(shape))
+
+
+def _first_subpath(d: str) -> np.ndarray:
+    """Path data's first subpath as a fine polyline (n, 2)."""
+    match = re.match(rf"[{SPACE}]*[Mm][^MmZz]*[Zz]?", d)
+    subpaths = parse_path(match[0] if match else "")
+    if not subpaths:
+        raise ValueError("a path that draws nothing has no landmarks")
+    p = np.array(subpaths[0]).reshape(-1, 4, 2)
+    t = (np.arange(8) + 1)[:, None] / 8
+    s = 1 - t
+    xy = (
+        s**3 * p[:, None, 0] + 3 * s**2 * t * p[:, None, 1] + 3 * s * t**2 * p[:, None, 2] + t**3 * p[:, None, 3]
+    ).reshape(-1, 2)
+    return np.concatenate([p[:1, 0], xy])
+
+
+def _quarters(xy: np.ndarray, measured: np.ndarray | None = None) -> np.ndarray:
+    """The points of a polyline at quarters of its length; of its length as another polyline, where `measured`."""
+    step = np.diff(xy if measured is None else measured, axis=0)
+    along = np.r_[0.0, np.cumsum(np.hypot(step[:, 0], step[:, 1]))]
+    at = along[-1] * np.array([0.0, 0.25, 0.5, 0.75])
+    return np.stack([np.interp(at, along, column) for column in xy.T], axis=1)
+
+
+def moved_by(landmarks_then: np.ndarray, shape: str | np.ndarray, slack: float = 0.05) -> Affine | None:
+    """The transform that took a shape from where its landmarks (4, 2) were to where it is; None: it was edited.
+
+    The simplest that explains it within `slack` px, or that share of how far the landmarks lie apart: none, a
+    translation, a similarity, any affine map. Lengths do not keep their proportions under the last, so they are
+    measured where the shape came from.
+    """
+    then = landmarks_then
+    xy = shape if isinstance(shape, np.ndarray) else _first_subpath(shape)
+    now = landmarks(xy) if xy is shape else _quarters(xy)
+    if np.abs(now - then).max() <= slack:
+        return IDENTITY
+    shift = (now - then).mean(axis=0)
+    if np.abs(now - then - shift).max() <= slack:
+        return (1.0, 0.0, 0.0, 1.0, *shift.tolist())
+    a, b = (values[:, 0] + 1j * values[:, 1] for values in (then, now))
+    for source, mirror in ((a, 1.0), (a.conj(), -1.0)):
+        spread = np.square(np.abs(source - source.mean())).sum()
+        turn = ((b - b.mean()) * (source - source.mean()).conj()).sum() / max(spread, 1e-12)
+        place = b.mean() - turn * source.mean()
+        if np.abs(turn * source + place - b).max() <= slack * max(abs(turn), 1.0):
+            x, y = turn.real, turn.imag
+            return (x, y, -y * mirror, x * mirror, place.real, place.imag)
+    full = np.concatenate([then, np.ones((4, 1))], axis=1)
+    for _ in range(30):
+        solved = np.linalg.lstsq(full, now, rcond=None)[0]  # (3, 2)
+        error = np.abs(full @ solved - now).max()
+        if abs(np.linalg.det(solved[:2])) < 1e-9:
+            return None
+        if error <= slack * max(1.0, np.abs(solved[:2]).max()):
+            return tuple(float(v) for v in (*solved[0], *solved[1], *solved[2]))
+        if xy is shape:
+            return None
+        now = _quarters(xy, (xy - solved[2]) @ np.linalg.inv(solved[:2]))
+    return None
+
+
 def _reflected(control, command: str, x: float, y: float) -> tuple[float, float]:
     """The control point of a smooth continuation: the current point where no curve of its sort went before."""
     if control is None or control[0] != command:
