@@ -14,6 +14,7 @@ import numpy as np
 
 from .camera import Camera
 from .curves import KINDS, check_offsets, take_ragged
+from .edges import all_corners, any_corner
 from .intersections import crossings
 from .surface import DEFAULT_CREASE, Surface
 
@@ -298,7 +299,7 @@ def _near_creases(surface: Surface, options: LineOptions) -> np.ndarray:
     touched[surface.faces[curves.face[rows], curves.bary[rows].argmax(axis=1)]] = True  # creases run through vertices
     near = np.zeros(len(surface.faces), bool)
     for _ in range(ECHO_FACES):
-        near = touched[surface.faces].any(axis=1)
+        near = any_corner(surface.faces, touched)
         touched[surface.faces[near]] = True
     return near
 
@@ -402,15 +403,17 @@ def _zero_lines(surface: Surface, value: np.ndarray, kind: str, among=None, rims
     `among` : indices of the faces to look at, all by default.
     """
     faces = surface.faces if among is None else surface.faces[among]
-    high = (value >= 0.0)[faces]
-    ups = high.sum(axis=1)
-    crossed = (ups == 1) | (ups == 2)
+    high = value >= 0.0
+    crossed = any_corner(faces, high) & ~all_corners(faces, high)
     if not rims:
-        crossed &= (value == 0.0)[faces].sum(axis=1) < 2
+        a, b, c = ((value == 0.0)[faces[:, i]] for i in range(3))
+        crossed &= ~(a & b | b & c | c & a)
     mixed = np.flatnonzero(crossed)
     face = mixed if among is None else among[mixed]
+    high = high[surface.faces[face]]
+    ups = high.sum(axis=1)
     # the corner that is alone on its side
-    odd = np.argmax(high[mixed] == (ups[mixed] == 1)[:, None], axis=1)
+    odd = np.argmax(high == (ups == 1)[:, None], axis=1)
     after, before = _NEXT[odd], _BEFORE[odd]
     row = np.arange(len(mixed))
     corner_value = value[surface.faces[face]]
@@ -422,7 +425,7 @@ def _zero_lines(surface: Surface, value: np.ndarray, kind: str, among=None, rims
     corner = surface.faces[face]
     node = np.stack([_edge_name(surface, corner[row, odd], corner[row, other]) for other in (after, before)], axis=1)
     # walking from side (odd, after) to side (odd, before) has the odd corner on the left
-    flip = ups[mixed] == 2
+    flip = ups == 2
     bary[flip], node[flip] = bary[flip, ::-1], node[flip, ::-1]
     return Segments(KINDS.index(kind), face, bary, node, np.ones((len(mixed), 2)))
 
@@ -550,7 +553,7 @@ def _joined(*parts: Segments) -> Segments:
 
 def _may_be_seen(surface: Surface, view: ViewFields) -> np.ndarray:
     """(F,) bool: faces that do not turn away all over, and all faces of open surfaces."""
-    return (view.n_dot_v > 0.0)[surface.faces].any(axis=1) | ~surface.closed_faces
+    return any_corner(surface.faces, view.n_dot_v > 0.0) | ~surface.closed_faces
 
 
 def suggestive_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
@@ -572,7 +575,7 @@ def apparent_segments(surface: Surface, view: ViewFields, options: LineOptions) 
     """Apparent ridges (Judd 2007): maxima of the view-dependent curvature along its own direction."""
     curvature, direction = view.view_curvature(surface)
     limit = options.apparent / surface.feature_size**2
-    strong = (curvature > limit)[surface.faces].any(axis=1)
+    strong = any_corner(surface.faces, curvature > limit)
     among = np.flatnonzero(strong & _may_be_seen(surface, view) if options.trim else strong)
     slope = _slope(surface, curvature, direction, view.n_dot_v, among)
     return _extremal_lines(surface, slope, direction, curvature, limit, "apparent", among)
@@ -587,7 +590,7 @@ def _slope(surface, value, direction, n_dot_v, among) -> np.ndarray:
     count = len(value)
     wanted = np.zeros(count, bool)
     wanted[surface.faces[among]] = True
-    near = np.flatnonzero(wanted[surface.faces].any(axis=1))
+    near = np.flatnonzero(any_corner(surface.faces, wanted))
     total, hits = np.zeros(count), np.zeros(count)
     side = np.cross(surface.normals, direction)
     for i in range(3):
@@ -619,9 +622,10 @@ def valley_segments(surface: Surface, options: LineOptions) -> Segments:
 
 
 def _ridge_or_valley(surface: Surface, threshold: float, sharpness: float, kind: str, sign: float) -> Segments:
-    among = np.flatnonzero((sign * surface.k1 > 0.0)[surface.faces].all(axis=1))
-    slope = sign * surface.dcurv[:, 0]
     limit = threshold / surface.feature_size
+    curved = all_corners(surface.faces, sign * surface.k1 > 0.0)
+    among = np.flatnonzero(curved & any_corner(surface.faces, np.abs(surface.k1) > limit))
+    slope = sign * surface.dcurv[:, 0]
     segments = _extremal_lines(surface, slope, surface.pdir1, np.abs(surface.k1), limit, kind, among)
     if not (sharpness > 0.0 and len(segments)):
         return segments
@@ -639,7 +643,7 @@ def _sharpness(surface: Surface, slope: np.ndarray, face: np.ndarray) -> np.ndar
     """
     wanted = np.zeros(len(surface.vertices), bool)
     wanted[surface.faces[face]] = True
-    corner = surface.faces[wanted[surface.faces].any(axis=1)]
+    corner = surface.faces[any_corner(surface.faces, wanted)]
     direction = surface.pdir1[corner]
     sign = np.where(_rowdot(direction, direction[:, :1]) < 0.0, -1.0, 1.0)
     rise = sign * slope[corner]
@@ -734,10 +738,9 @@ def crease_segments(surface: Surface, view: ViewFields, options: LineOptions) ->
 def crease_edges(surface: Surface, angle: float) -> np.ndarray:
     """Indices of the edges at which two faces meet at more than `angle` degrees, or more than two faces meet."""
     inner = np.flatnonzero(surface.edge_face_count == 2)
-    (f, at_f), (g, at_g) = surface.edge_corners(inner)
+    f, g = surface.edge_faces[inner].T
     cosine = _rowdot(surface.face_normals[f], surface.face_normals[g])
-    forward = ((at_f[:, 0] + 1) % 3 == at_f[:, 1]) == ((at_g[:, 0] + 1) % 3 == at_g[:, 1])
-    cosine[forward] *= -1.0  # no winding agrees about this edge of a one-sided surface
+    cosine[surface.clashing_edges[inner]] *= -1.0  # no winding agrees about this edge of a one-sided surface
     sharp = inner[cosine < np.cos(np.radians(angle))]
     return np.sort(np.r_[sharp, np.flatnonzero(surface.edge_face_count > 2)])
 
