@@ -43,9 +43,6 @@ class Scene:
         self.vertices = np.asarray(surface.vertices, np.float64)
         self.faces = np.asarray(surface.faces, np.int64)
         self.normals = np.asarray(surface.normals, np.float64)
-        corner = self.vertices[self.faces]  # (F, 3, 3)
-        edge = np.roll(corner, -1, axis=1) - corner
-        self.edge = np.linalg.norm(edge, axis=2).mean(axis=1)  # (F,)
         # embree works in float32: bring every mesh to the same place and size
         low, high = (self.vertices.min(axis=0), self.vertices.max(axis=0)) if len(self.vertices) else (0.0, 1.0)
         self._centre, self._scale = 0.5 * (low + high), 1.0 / max(float(np.max(high - low)), 1e-300)
@@ -55,6 +52,12 @@ class Scene:
 
     def _local(self, points: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray((points - self._centre) * self._scale, dtype=np.float32)
+
+    def _mean_edge(self, face: np.ndarray) -> np.ndarray:
+        """Mean edge length of faces (N,)."""
+        corner = self.vertices[self.faces[face]]  # (N, 3, 3)
+        edge = np.roll(corner, -1, axis=1) - corner
+        return np.sqrt(np.einsum("nij,nij->ni", edge, edge)).mean(axis=1)
 
     def _run(self, origins: np.ndarray, directions: np.ndarray) -> dict:
         """First hits of rays (N, 3) in embree's own units; distances are in lengths of the directions."""
@@ -98,7 +101,7 @@ class Scene:
         face, sharp = np.asarray(face, np.int64), np.asarray(sharp, bool)
         position = np.asarray(position, np.float64)
         eye = np.asarray(eye, np.float64)
-        edge = self.edge[face]
+        edge = self._mean_edge(face)
         normal = self.normals[self.faces[face]].sum(axis=1)  # of the whole face: enough for a lift
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         target = position + normal * np.where(sharp, 0.0, LIFT * edge)[:, None]
