@@ -1,8 +1,8 @@
 """What of a line on a surface is seen, by exact slow roads in double precision: for `benchmarks/lines.py`.
 
-Three opinions on the same points: the rule of `Scene.seen`, which they share but for embree, its float32 and its rounds
-(`by_rule`); the mesh as it stands, with another rule for a line's own neighbourhood (`by_mesh`); and the smooth surface
-that the mesh stands for, from its normals (`by_curved_faces`) or from a formula (`by_formula`).
+Opinions on the same points: the rule of `Scene.seen`, which they share but for embree, its float32 and its rounds
+(`by_rule`); the smooth surface that the mesh stands for, from its normals (`by_curved_faces`) or from a formula
+(`by_formula`); and the facets as they stand (`by_mesh`).
 """
 
 from __future__ import annotations
@@ -26,13 +26,11 @@ class Crossings:
     ----------
     target, triangle : (X,) int
     gap : (X,), how far before the target
-    cosine : (X,), between the line and the triangle's normal, not negative
     """
 
     target: np.ndarray
     triangle: np.ndarray
     gap: np.ndarray
-    cosine: np.ndarray
 
 
 def crossings(corners: np.ndarray, eye: np.ndarray, targets: np.ndarray) -> Crossings:
@@ -87,11 +85,7 @@ def crossings(corners: np.ndarray, eye: np.ndarray, targets: np.ndarray) -> Cros
         v, t = f * np.einsum("ij,ij->i", ray, q), f * np.einsum("ij,ij->i", second_side, q)
     hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1 - 1e-9)
     length = np.linalg.norm(ray[hit], axis=1)
-    normal = np.cross(first_side[hit], second_side[hit])
-    cosine = np.abs(np.einsum("ij,ij->i", normal, ray[hit])) / np.maximum(
-        np.linalg.norm(normal, axis=1) * length, 1e-300
-    )
-    return Crossings(target[hit], triangle[hit], (1 - t[hit]) * length, cosine)
+    return Crossings(target[hit], triangle[hit], (1 - t[hit]) * length)
 
 
 @dataclass(frozen=True)
@@ -137,14 +131,10 @@ def by_rule(surface: Surface, eye: np.ndarray, places: Places) -> np.ndarray:
 
 
 def by_mesh(surface: Surface, eye: np.ndarray, places: Places) -> np.ndarray:
-    """The mesh as it stands: nothing is lifted; a smooth line is not hidden by faces that touch its own within two
-    edges before it, nor by a face seen edge-on (cosine under .25) within 1.5 edges, for which it takes the fold."""
-    edge = _edge(surface)[places.face]
+    """The facets as they stand: whatever does not touch a point's own face hides it, be it by a hair of a fold."""
     found = crossings(surface.vertices[surface.faces], eye, places.on(surface, surface.vertices))
-    gap = found.gap / edge[found.target]
-    own = _touches(surface, found.triangle, places.face[found.target]) & (gap < 2.0)
-    ignored = ~places.sharp[found.target] & (own | ((found.cosine < 0.25) & (gap < 1.5)))
-    return _seen(len(edge), found.target[~ignored & (found.gap > 1e-6)])
+    own = _touches(surface, found.triangle, places.face[found.target])
+    return _seen(len(places.face), found.target[~own & (found.gap > 1e-6)])
 
 
 def by_curved_faces(surface: Surface, eye: np.ndarray, places: Places, parts: int = 3) -> np.ndarray:
