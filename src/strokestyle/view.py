@@ -179,6 +179,17 @@ def view_of(
     return View(camera, curves, feature_maps(surface, camera, curves, scene or Scene(surface)))
 
 
+def view_of_lines(curves: Curves, width: int, height: int, spacing: float = DEFAULT_SPACING) -> View:
+    """Lines without a shape: no surface is seen anywhere, and the maps are those of the background."""
+    curves = resample_curves(clip(curves, width, height), spacing)
+    names = (*PAPER_MAPS, *NORMAL_MAPS, "plain")
+    values = np.ones((len(names), height, width), np.float32)
+    values[len(PAPER_MAPS) : -1] = 0.0
+    values[-1] = plain_raster(curves, width, height)
+    camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 30.0, width, height)
+    return View(camera, curves, FeatureMaps(names, values, np.zeros((height, width), bool)))
+
+
 def visible_fragments(
     surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Scene
 ) -> tuple[Curves, np.ndarray]:
