@@ -8,15 +8,15 @@ import pytest
 SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 RANK = {
     "files": 0, "camera": 0, "mesh_files": 0, "edges": 0, "curves": 0, "raster": 0, "model": 0, "cubics": 0, "palette": 0,
-    "intersections": 0,
+    "intersections": 0, "creases": 0,
     "svg_text": 0, "svg_syntax": 0,
     "surface": 1, "visibility": 1, "chaining": 1, "strokes": 1, "exemplar": 1, "curve_files": 1, "planning": 1,
     "checkpoint": 1, "svg_page": 1, "model_file": 1,
     "feature_curves": 2, "outlines": 2,
     "view": 3, "ribbons": 3,
-    "painting": 4, "strips": 2, "svg_read": 4,
+    "painting": 4, "strips": 2, "svg_read": 4, "edits": 4,
     "texture": 5, "svg": 5,
-    "paper": 6, "stages": 6,
+    "paper": 6, "stages": 6, "page": 6,
     "style": 7, "paper_fit": 7,
     "fit": 8,
     "cli": 9,
