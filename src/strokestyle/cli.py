@@ -207,6 +207,21 @@ device_option = click.option(
 )
 
 
+file_options = _options(
+    click.option("--page-size", metavar="A4|WxHmm", help="Paper: A0 to A6, letter, legal, or for instance 210x297mm."),
+    click.option(
+        "--layers",
+        type=click.Choice(["kind", "none"]),
+        help="A layer for each kind of line, or none: strokes in painting order.  [default: kind]",
+    ),
+    click.option("--decimals", type=click.IntRange(0, 6), help="Of the coordinates.  [default: 2]"),
+    click.option("--title", metavar="TEXT", help="Of the drawing.  [default: the shape's name]"),
+    click.option("--author", metavar="NAME", help="Told in the file's metadata."),
+    click.option("--license", metavar="NAME|URL", help="Likewise: CC-BY-4.0, CC0-1.0 ..., a URL, or other words."),
+    click.option("--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb."),
+)
+
+
 # -------------------------------------------------------------------------------------------------------- commands
 
 
@@ -249,6 +264,8 @@ def main():
     strokestyle extract shape.obj -o sheet.png        the curves, to draw over
     strokestyle fit drawing.png shape.obj             learn the hand
     strokestyle render model.pt other.obj -o out.svg  draw with it
+    strokestyle edit out.svg -o new.svg --wiggle 3,40 change the drawing
+    strokestyle view out.svg -o page.html             look at it and play with it
 
     A shape is any mesh that trimesh reads (obj, ply, stl, off, glb, ...), or a view saved by extract (.npz).
     """
@@ -476,6 +493,181 @@ def render(model, shapes, output, jobs, **options):
 def _share_cores(workers: int) -> None:
     """In a new process, before the libraries that read this are imported."""
     os.environ["OMP_NUM_THREADS"] = str(max(1, (os.cpu_count() or 1) // workers))
+
+
+class EditCommand(click.Command):
+    """Remembers in which order the edits stand on the command line; click hands over each option's values apart."""
+
+    def parse_args(self, ctx, args):
+        options = {name: p for p in self.params if isinstance(p, click.Option) for name in p.opts}
+        order, rest = [], iter(args)
+        for word in rest:
+            name, equals, _ = word.partition("=")
+            option = options.get(name if word.startswith("--") else word[:2])
+            if option is None:
+                continue
+            if option.name in EDITS:
+                order.append(option.name)
+            if not (option.is_flag or equals or (not word.startswith("--") and len(word) > 2)):
+                next(rest, None)
+        ctx.meta["strokestyle.order"] = order
+        return super().parse_args(ctx, args)
+
+
+class EditText(click.ParamType):
+    """An edit: (sheet, seed) -> sheet."""
+
+    def __init__(self, edit: str, name: str):
+        self.edit, self.name = edit, name
+
+    def convert(self, value, param, ctx):
+        from .edits import parse_edit
+
+        try:
+            return parse_edit(self.edit, value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+
+def _edit_option(name, metavar, text):
+    return click.option(f"--{name}", type=EditText(name, metavar), multiple=True, metavar=metavar, help=text)
+
+
+EDITS = ("thickness", "wiggle", "smooth", "simplify", "move", "taper", "recolor", "restyle", "drop")
+
+
+@main.command(
+    cls=EditCommand,
+    epilog="""\b
+Any edit but --move, --restyle and --drop can be for certain lines only: --thickness contour=1.5.
+
+\b
+Examples:
+  strokestyle edit out.svg -o thick.svg --thickness 2
+  strokestyle edit out.svg -o alive.svg --wiggle 3,40 --taper 30 --seed 5
+  strokestyle edit out.svg -o moved.svg --move s004:0.5:20,-10
+  strokestyle edit out.svg -o calm.svg --drop 'valley<40' --smooth 6 --recolor valley=#a33
+  strokestyle edit out.svg -o brush.svg --restyle brush.pt
+  strokestyle render model.pt mesh.obj -o - | strokestyle edit - -o - --wiggle 2,30 | inkscape --pipe ...""",
+)
+@click.argument("drawing", metavar="IN.svg", type=click.Path())
+@click.option("-o", "--output", type=click.Path(), required=True, help="OUT.svg, OUT.svgz, or - for standard output.")
+@_edit_option("thickness", "K", "Every thickness times K.")
+@_edit_option("wiggle", "AMPLITUDE,WAVELENGTH", "Make lines tremble by up to AMPLITUDE px; their ends stay.")
+@_edit_option("smooth", "PX", "Smooth lines over PX; their ends stay.")
+@_edit_option("simplify", "PX", "Draw lines through as few points as keep them within PX, curved between.")
+@_edit_option("move", "STROKE:POINT:DX,DY", "Move the point at POINT (0 to 1) of a stroke by DX,DY px; others follow.")
+@_edit_option("taper", "PX", "Bring strokes to a point over PX at either end.")
+@_edit_option("recolor", "COLOR", "Change the ink's colour, the texture's too.")
+@click.option("--restyle", type=click.Path(), multiple=True, metavar="MODEL", help="Draw the lines in another hand.")
+@_edit_option("drop", "WHAT", "Take strokes out: '<20' the shorter ones, 'valley,ridge', or 'valley<20'.")
+@click.option("--texture", type=click.Choice(["auto", "image", "none"]), help="As in render.  [default: as it is]")
+@click.option("--png", is_flag=True, help="Write a PNG preview beside the SVG.")
+@file_options
+@seed_option
+@common_options
+def edit(drawing, output, png, seed, restyle, **options):
+    """Change an SVG that render wrote, and perhaps others worked on; edits are made in the order in which they stand.
+
+    The texture follows the strokes. Strokes that are not edited stay as they are; what is no stroke (text, shapes of
+    your own) is not kept. IN.svg may be - for standard input. Points and sizes are pixels of the drawing.
+    """
+    if output != "-" and Path(output).suffix.lower() not in (".svg", ".svgz"):
+        raise click.UsageError(f"{output}: edit writes .svg or .svgz")
+    if png and output == "-":
+        raise click.UsageError("standard output takes one SVG: no --png with -o -")
+    _check_outputs([output], [drawing] if drawing != "-" else [])
+    from .edits import Sheet
+    from .svg import png_from_svg, write_svg, write_text
+    from .svg_read import read_file
+
+    with stage("read the drawing"):
+        found = read_file(sys.stdin.buffer.read() if drawing == "-" else drawing)
+    sheet = Sheet(found.drawing, found.ids)
+    waiting = {name: list(options.pop(name)) for name in EDITS if name != "restyle"} | {"restyle": list(restyle)}
+    for name in click.get_current_context().meta["strokestyle.order"]:
+        change = waiting[name].pop(0)
+        with stage(name):
+            sheet = _restyled(change, sheet, seed) if name == "restyle" else change(sheet, seed)
+    kept = {name: value for name, value in options.items() if value is not None}
+    with stage("write the SVG"):
+        text = write_svg(sheet.drawing, found.options, ids=sheet.ids, **kept)
+    written = output
+    if output == "-":
+        click.echo(text, nl=False)
+    else:
+        write_text(output, text)
+        if png:
+            from .files import write_bytes
+
+            preview = str(Path(output).with_suffix(".png"))
+            write_bytes(preview, png_from_svg(text))
+            written += f", {preview}"
+    lost = [f"{n} {what} left out" for n, what in ((found.hidden, "hidden strokes"), (found.others, "shapes")) if n]
+    say(f"{drawing}: {len(sheet.ids)} strokes -> {written}{'; ' if lost else ''}{', '.join(lost)}")
+
+
+def _restyled(model: str, sheet, seed: int):
+    """The sheet's centre lines in the hand of a model, which knows nothing of the shape."""
+    from .curves import Curves
+    from .edits import Sheet
+    from .view import view_of_lines
+
+    strokes, (width, height) = sheet.drawing.strokes, sheet.drawing.size
+    style = _style(model, "auto")
+    lines = view_of_lines(Curves(strokes.xy, strokes.offsets, strokes.kind, strokes.closed), width, height)
+    drawing = style.draw(lines, seed=seed)
+    return Sheet(drawing, ("",) * len(drawing.strokes))
+
+
+@main.command(
+    epilog="""\b
+Examples:
+  strokestyle view out.svg -o page.html
+  strokestyle view drawings/*.svg -o page.html --open
+  strokestyle render model.pt mesh.obj -o - | strokestyle view - -o page.html"""
+)
+@click.argument("files", nargs=-1, required=True, type=click.Path())
+@click.option("-o", "--output", type=click.Path(), required=True, help="The page to write; - is standard output.")
+@click.option("--open", "show", is_flag=True, help="Show it in the browser.")
+@common_options
+def view(files, output, show):
+    """Write a page on which to look at FILES and play with them.
+
+    FILES are SVGs that render or edit wrote, and - is standard input. The page is one HTML file that works without a
+    network: zoom, layers, sliders for thickness and wiggle, strokes bent by dragging their points, before and after,
+    undo, and a button that saves the edited SVG.
+    """
+    _check_outputs([output], [file for file in files if file != "-"])
+    if show and output == "-":
+        raise click.UsageError("--open needs a file to open: give -o page.html")
+    from .page import page_html
+    from .svg import write_svg
+    from .svg_read import read_file
+
+    drawings = []
+    for name, file in zip(_short_names(files), files, strict=True):
+        found = read_file(sys.stdin.buffer.read() if file == "-" else file)
+        with stage(f"write {name} anew"):
+            drawings.append((name, write_svg(found.drawing, found.options)))
+    text = page_html(drawings)
+    if output == "-":
+        click.echo(text, nl=False)
+    else:
+        from .files import write_bytes
+
+        write_bytes(output, text.encode("utf-8"))
+    say(f"{', '.join(files)} -> {output}")
+    if show:
+        import webbrowser
+
+        webbrowser.open(Path(output).resolve().as_uri())
+
+
+def _short_names(files) -> list[str]:
+    """The names of files without their folders, where that tells them apart."""
+    names = ["drawing.svg" if file == "-" else Path(file).name for file in files]
+    return names if len(set(names)) == len(names) else [str(file) for file in files]
 
 
 def _report(results, total: int) -> int:

@@ -1,0 +1,266 @@
+// Our own SVG, read and written anew. The file is parsed as data and never put into the page.
+
+const PATH_SLACK = 0.04; // px a centre line may be off where its attribute leaves points out
+const WIDTH_SLACK = 0.004; // px likewise for widths
+const CLIP_SLACK = 0.5; // px, tolerance of a clip: its edge lies where the texture is clear
+const XLINK = "http://www.w3.org/1999/xlink";
+const SVG = "http://www.w3.org/2000/svg";
+
+/** SVG text of ours -> {text, xml, size, background, options, layers: [kind], strokes: [...]}, in painting order. */
+async function readDrawing(text) {
+  const xml = new DOMParser().parseFromString(text, "image/svg+xml");
+  const root = xml.documentElement;
+  const size = root.getAttribute("data-ss-size").split(" ").map(Number);
+  const options = new Map((root.getAttribute("data-ss-options") ?? "").split(/\s+/).map((pair) => pair.split("=")));
+  const paper = xml.getElementById("paper");
+  const strokes = await Promise.all(Array.from(xml.querySelectorAll("[data-ss-path]"), readStroke));
+  const layers = strokes.map((stroke) => stroke.kind).filter((kind, i, all) => all.indexOf(kind) === i);
+  const background = paper ? paper.getAttribute("fill") : null;
+  return { text, xml, size, background, options, layers: layers.reverse(), strokes };
+}
+
+async function readStroke(element, number) {
+  const [x, y] = readPath(element.getAttribute("data-ss-path"));
+  const closed = element.getAttribute("data-ss-closed") === "1";
+  const fill = element.getAttribute("fill") ?? "#000000";
+  const opacity = Number(element.getAttribute("fill-opacity") ?? 1);
+  const color = [1, 3, 5].map((i) => parseInt(fill.slice(i, i + 2), 16) / 255).concat(opacity);
+  const strip = element.hasAttribute("data-ss-texture")
+    ? readStrip(await readPng(bytesOf(element.getAttribute("data-ss-texture"))))
+    : null;
+  const line = widened(x, y, element.getAttribute("data-ss-width"), closed);
+  const margin = Number(element.getAttribute("data-ss-margin") ?? 0);
+  return { element, number, id: element.id, kind: element.getAttribute("data-ss-class"), line, color, strip, margin };
+}
+
+/** "M x y l dx dy ..." -> [x, y]. */
+function readPath(data) {
+  const numbers = Float64Array.from(data.match(/-?(\d+\.?\d*|\.\d+)(e-?\d+)?/g) ?? [], Number);
+  const x = numbers.filter((_, i) => i % 2 === 0);
+  const y = numbers.filter((_, i) => i % 2 === 1);
+  for (let i = 1; i < x.length; i++) [x[i], y[i]] = [x[i] + x[i - 1], y[i] + y[i - 1]];
+  return [x, y];
+}
+
+/** A line with the widths of `data-ss-width`: one a point, or "t,w ..." of which every t becomes a point. */
+function widened(x, y, data, closed) {
+  const pairs = data.trim().split(/\s+/).map((pair) => pair.split(",").map(Number));
+  if (!data.includes(",")) return { x, y, width: Float64Array.from(pairs, ([w]) => w), closed };
+  const s = arcLength(x, y);
+  const total = s[s.length - 1];
+  const t = Float64Array.from(pairs, ([at]) => at * total);
+  const width = Float64Array.from(pairs, ([, w]) => w);
+  const at = Float64Array.from([...s, ...t.filter((v) => v > 1e-6 && v < total - 1e-6)]).sort();
+  const kept = at.filter((v, i) => i === 0 || v - at[i - 1] > 1e-6 || i === at.length - 1);
+  const [px, py] = interp(kept, s, x, y);
+  return { x: px, y: py, width: interp(kept, t, width)[0], closed };
+}
+
+/**
+ * A texture's PNG, u to the right -> {rows along u, columns across, and of every texel, u by u}: `alpha` bytes of one ink,
+ * or else `data`, premultiplied RGBA bytes.
+ */
+function readStrip({ width: rows, height: columns, index, levels, palette }) {
+  const table = (palette ?? []).map(([r, g, b, a]) => [(r * a) / 255, (g * a) / 255, (b * a) / 255, a]);
+  const alpha = palette ? null : new Uint8Array(rows * columns);
+  const data = palette ? new Uint8ClampedArray(4 * rows * columns) : null;
+  for (let c = 0; c < columns; c++) {
+    for (let r = 0; r < rows; r++) {
+      const value = index[c * rows + r];
+      if (palette) data.set(table[value], 4 * (r * columns + c));
+      else alpha[r * columns + c] = (255 * value) / levels;
+    }
+  }
+  return { rows, columns, alpha, data };
+}
+
+// ------------------------------------------------------------------------------------------------------------ marks
+
+/** A stroke under an edit, as a mark to be painted; `quick` while things move. */
+function markOf(stroke, edit, quick = false) {
+  const bent = edit.moves.length > 0;
+  const changed = bent || edit.wiggle > 0 || edit.thickness !== 1;
+  const base = changed ? baseLine(stroke, bent) : stroke.line;
+  const line = edited(base, edit);
+  const mark = { stroke, base, line, color: stroke.color, strip: stroke.strip, changed };
+  if (mark.strip) {
+    const frame = changed ? frameOf(stroke, base, bent) : null;
+    mark.margin = stroke.margin * edit.thickness;
+    mark.band = ribbonOf(line, mark.margin, frame, edit.thickness, quick);
+  }
+  return mark;
+}
+
+function baseLine(stroke, bent) {
+  stroke.bases ??= [];
+  return (stroke.bases[+bent] ??= densified(stroke.line, bent ? DENSE : SPACING));
+}
+
+function frameOf(stroke, base, bent) {
+  stroke.frames ??= [];
+  return (stroke.frames[+bent] ??= textureFrame(base, stroke.margin));
+}
+
+// ---------------------------------------------------------------------------------------------------------- writing
+
+function numberText(value, decimals) {
+  let text = value.toFixed(decimals);
+  if (text.includes(".")) text = text.replace(/\.?0+$/, "");
+  text = text.replace(/^(-?)0\./, "$1.");
+  return text === "-0" ? "0" : text;
+}
+
+/** Points [x0, y0, x1, y1, ...] as "x0 y0" and the steps between them, rounded so that errors do not add up. */
+function steps(points, decimals) {
+  const unit = 10 ** decimals;
+  const whole = points.map((p) => Math.round(p * unit));
+  return whole.map((p, i) => numberText((i > 1 ? p - whole[i - 2] : p) / unit, decimals));
+}
+
+function pathText(x, y, decimals) {
+  const points = Array.from(x).flatMap((value, i) => [value, y[i]]);
+  const text = steps(points, decimals);
+  return `M${text[0]} ${text[1]}l${text.slice(2).join(" ")}`.replaceAll(" -", "-");
+}
+
+function ringsText(rings, decimals) {
+  const unit = 10 ** decimals;
+  const parts = rings.filter((ring) => ring.length).map((ring) => {
+    const whole = ring.map((cubic) => cubic.map((p) => Math.round(p * unit)));
+    const text = whole.map((c) => [2, 3, 4, 5, 6, 7].map((i) => numberText((c[i] - c[i % 2]) / unit, decimals)).join(" "));
+    return `M${whole[0][0] / unit} ${whole[0][1] / unit}c${text.join(" ")}z`;
+  });
+  return parts.join("").replaceAll(" -", "-");
+}
+
+/**
+ * The SVG text of a drawing with its strokes as `marks` has them: one mark a stroke, null where it is to be left out.
+ * What was not changed is written as it was.
+ */
+async function writeDrawing(drawing, marks) {
+  if (marks.every((mark) => mark && !mark.changed)) return drawing.text;
+  const xml = drawing.xml.cloneNode(true);
+  const elements = Array.from(xml.querySelectorAll("[data-ss-path]"));
+  for (const [i, element] of elements.entries()) {
+    if (!marks[i]) removeStroke(element);
+    else if (marks[i].changed) await writeStroke(element, marks[i], drawing.options);
+  }
+  return `<?xml version="1.0" encoding="utf-8"?>\n${new XMLSerializer().serializeToString(xml.documentElement)}\n`;
+}
+
+function clipOf(element) {
+  const id = /^url\(#(.+)\)$/.exec(element.getAttribute("clip-path") ?? "")?.[1];
+  return id ? element.ownerDocument.getElementById(id) : null;
+}
+
+function removeStroke(element) {
+  const layer = element.parentNode;
+  for (const gone of [clipOf(element), element]) {
+    if (gone?.previousSibling?.nodeType === Node.TEXT_NODE) gone.previousSibling.remove();
+    gone?.remove();
+  }
+  if (layer.localName === "g" && !layer.children.length) removeStroke(layer);
+}
+
+async function writeStroke(element, mark, options) {
+  const decimals = Number(options.get("decimals") ?? 2);
+  const tolerance = Number(options.get("tolerance") ?? 0.1);
+  const { line } = mark;
+  const along = arcLength(line.x, line.y);
+  const total = along[along.length - 1];
+  const points = simplified([line.x, line.y], PATH_SLACK);
+  const keep = simplified([along, line.width], WIDTH_SLACK);
+  const pairs = keep.map((i) => `${numberText(total ? along[i] / total : i && 1, 5)},${numberText(line.width[i], decimals)}`);
+  element.setAttribute("data-ss-path", pathText(points.map((i) => line.x[i]), points.map((i) => line.y[i]), decimals));
+  element.setAttribute("data-ss-width", pairs.join(" "));
+  element.removeAttribute("data-ss-at");
+  if (!mark.strip) {
+    element.setAttribute("d", ringsText(outlineOf(line, tolerance), decimals));
+    return;
+  }
+  const strip = relaid(mark);
+  const png = strip.alpha ? await greyPng(strip) : await colorPng(strip);
+  element.setAttribute("data-ss-texture", base64Of(png));
+  element.setAttribute("data-ss-margin", numberText(mark.margin, 3));
+  const final = { ...mark, strip, band: ribbonOf(line, mark.margin), ready: null };
+  if (element.querySelector("image")) await writeImage(element, final, options);
+  else writeTones(element, final, options);
+}
+
+/** The texture of a changed stroke as a reader will lay it: afresh along the new line. */
+function relaid(mark) {
+  const { band, strip, line } = mark;
+  const fresh = ribbonOf(line, mark.margin);
+  const rows = Math.max(2, Math.round((strip.rows * fresh.length) / frameLength(mark)));
+  const at = Float64Array.from({ length: rows }, (_, r) => ((r + 0.5) / rows) * band.length);
+  const [u, ratio] = interp(at, band.along, band.u, band.ratio);
+  const alpha = strip.alpha ? new Uint8ClampedArray(rows * strip.columns) : null;
+  const data = strip.alpha ? null : new Uint8ClampedArray(4 * rows * strip.columns);
+  for (let r = 0; r < rows; r++) {
+    for (let c = 0; c < strip.columns; c++) {
+      const v = ((2 * c + 1) / strip.columns - 1) * ratio[r];
+      const a = 255 * sample(strip, u[r], v, band.closed);
+      const k = r * strip.columns + c;
+      if (alpha) alpha[k] = a;
+      else {
+        data.set(a > 0 ? [255 * texel.r, 255 * texel.g, 255 * texel.b, a] : [0, 0, 0, 0], 4 * k);
+      }
+    }
+  }
+  return { ...strip, rows, alpha, data };
+}
+
+/** Pixels of the ribbon that the texture was made for, in the width that it has now. */
+function frameLength({ stroke }) {
+  return (stroke.ribbonLength ??= ribbonOf(stroke.line, stroke.margin).length);
+}
+
+function greyPng({ rows, columns, alpha }) {
+  const index = new Uint8Array(rows * columns);
+  for (let r = 0; r < rows; r++) for (let c = 0; c < columns; c++) index[c * rows + r] = alpha[r * columns + c];
+  return writePng(rows, columns, index, null);
+}
+
+function colorPng({ rows, columns, data }) {
+  const planes = { r: [], g: [], b: [], a: [] };
+  for (let c = 0; c < columns; c++) {
+    for (let r = 0; r < rows; r++) {
+      const k = 4 * (r * columns + c);
+      [planes.r, planes.g, planes.b, planes.a].forEach((plane, i) => plane.push(data[k + i] / 255));
+    }
+  }
+  const { palette, index } = quantised(planes, 255);
+  return writePng(rows, columns, index, palette);
+}
+
+/** The stroke as a raster of its own. */
+async function writeImage(element, mark, options) {
+  const resolution = Number(options.get("texture-res") ?? options.get("texture_res") ?? 2);
+  const image = element.querySelector("image");
+  const view = { scale: resolution, x: 0, y: 0 };
+  const everywhere = boxOf(mark, view);
+  const made = pixelsOf(mark, view, everywhere);
+  const planes = { r: [], g: [], b: [], a: [] };
+  const at = new Int32Array(made.w * made.h).fill(-1);
+  for (let k = 0; k < made.count; k++) at[made.pixels[k]] = k;
+  for (const pixel of at.keys()) for (const name of "rgba") planes[name].push(at[pixel] < 0 ? 0 : made[name][pixel]);
+  let png;
+  if (mark.strip.alpha) {
+    const ink = mark.color.slice(0, 3).map((c) => Math.round(255 * c));
+    const count = 16;
+    const index = Uint8Array.from(planes.a, (a) => Math.round(a * (count - 1)));
+    const palette = Array.from({ length: count }, (_, k) => [...ink, Math.round((255 * k) / (count - 1))]);
+    png = await writePng(made.w, made.h, index, palette);
+  } else {
+    const { palette, index } = quantised(planes, 64);
+    png = await writePng(made.w, made.h, index, palette);
+  }
+  const box = { x: made.x0, y: made.y0, width: made.w, height: made.h };
+  for (const [name, value] of Object.entries(box)) image.setAttribute(name, numberText(value / resolution, 3));
+  const href = `data:image/png;base64,${base64Of(png)}`;
+  if (image.hasAttributeNS(XLINK, "href")) image.setAttributeNS(XLINK, "xlink:href", href);
+  else image.setAttribute("href", href);
+  const clip = clipOf(element)?.querySelector("path");
+  const wide = { ...mark.line, width: halfWidths(mark.line, mark.margin).map((h) => 2 * h) };
+  if (clip) clip.setAttribute("d", ringsText(outlineOf(wide, CLIP_SLACK), 1));
+}

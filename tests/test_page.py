@@ -1,0 +1,431 @@
+"""The page: what it holds, and what a mouse and a keyboard do to it in a headless browser."""
+
+import base64
+import hashlib
+import io
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from browser import WHY_NOT, Browser
+from PIL import Image
+from test_cli import refused, run
+
+from strokestyle.curves import KINDS
+from strokestyle.page import page_html
+from strokestyle.painting import rasterise
+from strokestyle.strokes import Drawing, Strokes, Texture
+from strokestyle.svg import png_from_svg, read, save_svg, write_svg
+
+SIZE = (160, 120)
+HOSTILE = "</script><script>window.harm = 1</script><img src=x onerror='window.harm = 2'>&\"'"
+in_browser = pytest.mark.skipif(WHY_NOT is not None, reason=WHY_NOT or "")
+
+
+def drawing(texture=None):
+    """A straight contour, a wavy valley and a closed crease; texture None, "grain" (one ink) or "colours"."""
+    t = np.linspace(0, 1, 41)
+    lines = [
+        np.stack([20 + 120 * t, 30 + 0 * t], axis=1),
+        np.stack([25 + 110 * t, 95 + 9 * np.sin(9 * t)], axis=1),
+        np.stack([80 + 45 * np.cos(2 * np.pi * t), 62 + 20 * np.sin(2 * np.pi * t)], axis=1),
+    ]
+    lines[2][-1] = lines[2][0]
+    width = [2 + 5 * np.sin(np.pi * t), 6 - 4 * t, np.full(41, 3.0)]
+    kinds = [KINDS.index(kind) for kind in ("contour", "valley", "crease")]
+    strokes = Strokes(np.concatenate(lines), np.concatenate(width), [0, 41, 82, 123], kinds, [False, False, True])
+    color = np.array([[0.1, 0.1, 0.2, 1.0], [0.6, 0.2, 0.1, 0.8], [0.1, 0.4, 0.2, 1.0]])
+    if texture is None:
+        return Drawing(strokes, SIZE, color)
+    rng = np.random.default_rng(0)
+    strips = []
+    for ink, n in zip(color, (130, 130, 215), strict=True):
+        strip = np.tile(np.r_[ink[:3], 1.0], (n, 12, 1))
+        strip[..., 3] = rng.random((n // 5 + 1, 4)).repeat(5, 0)[:n].repeat(3, 1)
+        strip[:, [0, -1], 3] = 0
+        if texture == "colours":
+            strip[..., 0] = np.linspace(0.1, 0.9, n)[:, None]
+        strips.append(np.rint(255 * strip).astype(np.uint8))
+    ends = np.cumsum([0] + [len(strip) for strip in strips])
+    return Drawing(strokes, SIZE, color, Texture(np.concatenate(strips), ends, 1.5))
+
+
+class Elements(HTMLParser):
+    """All elements of a page with their attributes, and the text of scripts and styles."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found, self.text, self.inside = [], {}, None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+        self.inside = len(self.found) - 1 if tag in ("script", "style") else None
+
+    def handle_endtag(self, tag):
+        self.inside = None
+
+    def handle_data(self, data):
+        if self.inside is not None:
+            self.text[self.inside] = self.text.get(self.inside, "") + data
+
+
+# ------------------------------------------------------------------------------------------------------- the file
+
+
+def test_the_page_stands_alone_and_runs_only_its_own_script():
+    text = page_html([("a.svg", write_svg(drawing("grain")))])
+    page = Elements(text)
+    for tag, attributes in page.found:
+        assert tag not in ("link", "iframe", "object", "embed", "base")
+        assert not {"src", "style"} & set(attributes) and not any(name.startswith("on") for name in attributes)
+        assert attributes.get("href", "#").startswith("#")
+    outside = re.sub(r'<script type="application/json".*?</script>', "", text, flags=re.S)
+    addresses = set(re.findall(r"\bhttps?://[^\s\"'<>]+", outside))
+    assert addresses <= {"http://www.w3.org/1999/xlink", "http://www.w3.org/2000/svg"}  # names, asked for by nobody
+    assert "@import" not in outside and "url(" not in outside.replace("url\\(#", "")
+    policy = next(a["content"] for tag, a in page.found if a.get("http-equiv") == "Content-Security-Policy")
+    rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
+    assert rules["default-src"] == "'none'"
+    for i, text in page.text.items():
+        tag, attributes = page.found[i]
+        if attributes.get("type") != "application/json":
+            digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+            assert rules[f"{tag}-src"] == f"'sha256-{digest}'"
+
+
+def test_names_and_titles_are_data():
+    text = write_svg(drawing(), title=HOSTILE, description=HOSTILE)
+    page = Elements(page_html([(HOSTILE, text)]))
+    assert [tag for tag, _ in page.found].count("script") == 2 and "img" not in [tag for tag, _ in page.found]
+    held = next(page.text[i] for i, (_, a) in enumerate(page.found) if a.get("id") == "data")
+    assert json.loads(held) == [{"name": HOSTILE, "svg": text}]
+
+
+def test_the_same_drawings_make_the_same_page():
+    drawings = [("a.svg", write_svg(drawing())), ("b.svg", write_svg(drawing("colours")))]
+    assert page_html(drawings) == page_html(drawings)
+    with pytest.raises(ValueError, match="at least one"):
+        page_html([])
+
+
+def test_the_command(tmp_path):
+    for name in ("a.svg", "b.svgz"):
+        save_svg(tmp_path / name, drawing())
+    done = run("view", tmp_path / "a.svg", tmp_path / "b.svgz", "-o", tmp_path / "page.html")
+    assert done.exit_code == 0 and "page.html" in done.stderr
+    page = Elements((tmp_path / "page.html").read_text(encoding="utf-8"))
+    held = json.loads(next(page.text[i] for i, (_, a) in enumerate(page.found) if a.get("id") == "data"))
+    assert [sheet["name"] for sheet in held] == ["a.svg", "b.svgz"]
+    assert held[0]["svg"] == (tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert run("view", tmp_path / "a.svg", "-o", "-").stdout.startswith("<!doctype html>")
+
+
+def test_files_of_one_name_keep_their_folders(tmp_path):
+    for folder in ("x", "y"):
+        (tmp_path / folder).mkdir()
+        save_svg(tmp_path / folder / "a.svg", drawing())
+    run("view", tmp_path / "x" / "a.svg", tmp_path / "y" / "a.svg", "-o", tmp_path / "page.html")
+    assert str(tmp_path / "x" / "a.svg") in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_what_cannot_be_shown_gets_one_line(tmp_path):
+    save_svg(tmp_path / "a.svg", drawing())
+    (tmp_path / "other.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"><path d="M0 0h9"/></svg>')
+    page = tmp_path / "page.html"
+    refused("view", tmp_path / "a.svg", tmp_path / "other.svg", "-o", page, words=["other.svg"])
+    refused("view", tmp_path / "none.svg", "-o", page, words=["none.svg"])
+    refused("view", tmp_path / "a.svg", "-o", tmp_path / "a.svg", words=["a.svg", "another name"])
+    refused("view", tmp_path / "a.svg", "-o", "-", "--open", words=["--open"], code=2)
+    assert not page.exists()
+
+
+# ------------------------------------------------------------------------------------------------- in the browser
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def opened(browser, tmp_path):
+    """opened(drawing, ...) shows a page of them, named a.svg, b.svg ...; no test may leave an error in the page."""
+
+    def show(*drawings, **options):
+        sheets = [(f"{name}.svg", write_svg(d)) for name, d in zip("abc", drawings, strict=False)]
+        (tmp_path / "page.html").write_text(page_html(sheets), encoding="utf-8")
+        browser.open(tmp_path / "page.html", **options)
+        return browser
+
+    yield show
+    assert browser.troubles() == []
+    assert {address.split(":")[0] for address in browser.requests()} <= {"file", "blob", "data"}
+    browser.run("sheets.forEach((sheet) => (sheet.saved = true))")  # so that nothing asks whether to leave
+
+
+PAINTED = """(() => {
+  const [w, h] = current.drawing.size;
+  const image = new ImageData(w * SCALE, h * SCALE);
+  new Uint32Array(image.data.buffer).fill(paperColor());
+  paintMarks(marksShown(current, current.edit), { scale: SCALE, x: 0, y: 0 }, image);
+  const canvas = Object.assign(document.createElement("canvas"), { width: w * SCALE, height: h * SCALE });
+  canvas.getContext("2d").putImageData(image, 0, 0);
+  return canvas.toDataURL();
+})()"""
+
+
+def painted(browser, scale=1):
+    """What the page paints of the drawing, (h, w, 3) in 0..255, at `scale` px a px."""
+    return pixels(base64.b64decode(browser.run(PAINTED.replace("SCALE", str(scale))).split(",")[1]))
+
+
+def pixels(png):
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), float)
+
+
+def saved(browser, name="a-edited.svg"):
+    """Press the button, and return the file's text."""
+    target = browser.downloads / name
+    target.unlink(missing_ok=True)
+    browser.click(*middle(browser, "#save"))
+    browser.wait_for(target.exists)
+    browser.wait_for("!document.querySelector('#save').disabled")
+    return target.read_text(encoding="utf-8")
+
+
+def middle(browser, selector):
+    box = f"document.querySelector({selector!r}).getBoundingClientRect()"
+    return browser.run(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({box})")
+
+
+def on_screen(browser, x, y):
+    """Where a point of the drawing lies in the window."""
+    box = "document.querySelector('#stage').getBoundingClientRect()"
+    zoom, left, top = browser.run(f"[current.camera.zoom, current.camera.x + {box}.x, current.camera.y + {box}.y]")
+    return zoom * x + left, zoom * y + top
+
+
+def slide(browser, selector, value):
+    """Set a slider as a hand does: what it fires is real, only the value is given."""
+    browser.run(
+        f"(() => {{ const input = document.querySelector({selector!r}); input.value = {value};"
+        "for (const name of ['input', 'change']) input.dispatchEvent(new Event(name)); })()"
+    )
+
+
+def stroke(drawn, i):
+    rows = slice(drawn.strokes.offsets[i], drawn.strokes.offsets[i + 1])
+    return drawn.strokes.xy[rows], drawn.strokes.thickness[rows]
+
+
+def by_kind(drawn):
+    """{kind: (xy, thickness)}"""
+    return {KINDS[kind]: stroke(drawn, i) for i, kind in enumerate(drawn.strokes.kind)}
+
+
+def far(points, line):
+    """The distance of points (n, 2) to a polyline."""
+    a, d = line[:-1], np.diff(line, axis=0)
+    t = np.clip(((points[:, None] - a) * d).sum(-1) / np.maximum((d * d).sum(-1), 1e-9), 0, 1)
+    return np.linalg.norm(points[:, None] - a - t[..., None] * d, axis=2).min(axis=1)
+
+
+@in_browser
+@pytest.mark.parametrize("texture", [None, "grain", "colours"])
+@pytest.mark.parametrize("scale", [1, 3])
+def test_what_the_page_paints_is_the_drawing(opened, texture, scale):
+    drawn = drawing(texture)
+    browser = opened(drawn)
+    wanted = rasterise(read(write_svg(drawn)), scale, (1.0, 1.0, 1.0)).astype(float)
+    error = np.abs(painted(browser, scale) - wanted)
+    assert error.mean() < 0.4 and (error > 40).mean() < 1e-3
+
+
+@in_browser
+@pytest.mark.parametrize("texture", [None, "grain", "colours"])
+def test_what_is_saved_is_what_is_seen(opened, texture):
+    browser = opened(drawing(texture))
+    untouched = saved(browser)
+    assert untouched == write_svg(drawing(texture))
+    slide(browser, "#thickness", 0.6)
+    slide(browser, "#wiggle", 3)
+    text = saved(browser)
+    seen = painted(browser, 2)
+    assert np.abs(seen - pixels(png_from_svg(untouched, 2.0))).mean() > 8
+    assert np.abs(seen - pixels(png_from_svg(text, 2.0))).mean() < 2
+    assert np.abs(seen - rasterise(read(text), 2.0, (1.0, 1.0, 1.0))).mean() < 2
+    assert ("<image" in text) == (texture is not None)
+
+
+@in_browser
+def test_the_slider_scales_the_widths_and_nothing_else(opened):
+    browser = opened(drawing())
+    x, y = middle(browser, "#thickness")
+    browser.drag((x, y), (x + 40, y))
+    factor = browser.run("current.edit.thickness")
+    assert factor > 1.3
+    assert browser.run("document.querySelector('#thickness').previousElementSibling.textContent") == f"× {factor:.2f}"
+    now, was = by_kind(read(saved(browser))), by_kind(read(write_svg(drawing())))
+    for kind, (xy, thickness) in was.items():
+        assert far(now[kind][0], xy).max() < 0.08
+        assert abs(now[kind][1].max() / thickness.max() - factor) < 0.01
+        assert abs(now[kind][1].min() / thickness.min() - factor) < 0.01
+    browser.key("z", modifiers=2)  # a drag is one step
+    assert browser.run("current.edit === UNEDITED")
+    browser.key("z", modifiers=2 + 8)
+    assert browser.run("current.edit.thickness") == factor
+
+
+@in_browser
+@pytest.mark.parametrize("texture", [None, "grain"])
+def test_a_dragged_point_moves_and_the_others_stay(opened, texture):
+    browser = opened(drawing(texture))
+    browser.click(*on_screen(browser, 80, 30))
+    assert browser.run("document.querySelector('#which').textContent").startswith("contour")
+    slide(browser, "#reach", 30)
+    grip = "#handles g:nth-child(3)"
+    zoom = browser.run("current.camera.zoom")
+    x, y = middle(browser, grip)
+    (left, top), (dx, dy) = on_screen(browser, 0, 0), (4, 12)
+    at = np.array([(x - left) / zoom, (y - top) / zoom])
+    browser.drag((x, y), (x + zoom * dx, y + zoom * dy))
+    moved = middle(browser, grip)
+    assert np.allclose(moved, [x + zoom * dx, y + zoom * dy], atol=1.0)  # the point stays under the hand
+    text = saved(browser)
+    now, was = by_kind(read(text)), by_kind(read(write_svg(drawing(texture))))
+    line = now["contour"][0]
+    assert far(at[None] + [dx, dy], line)[0] < 0.15
+    away = np.abs(line[:, 0] - at[0]) > 31
+    assert away.sum() >= 2 and np.abs(line[away, 1] - 30).max() < 0.05
+    for kind in ("valley", "crease"):
+        assert np.array_equal(now[kind][0], was[kind][0]) and np.array_equal(now[kind][1], was[kind][1])
+    assert np.abs(painted(browser, 2) - pixels(png_from_svg(text, 2.0))).mean() < 2
+    browser.key("z", modifiers=2)
+    browser.key("Escape")
+    assert browser.run("current.edit === UNEDITED && selected === -1")
+
+
+@in_browser
+def test_keys_pick_a_point_and_nudge_it(opened):
+    browser = opened(drawing())
+    browser.key("]")
+    browser.key("]")
+    browser.run("document.querySelector('#handles g:nth-child(2)').focus()")
+    for _ in range(3):
+        browser.key("ArrowDown", modifiers=8)
+    assert browser.run("Object.values(current.edit.strokes)[0].moves.map((move) => [move.dx, move.dy])") == [[0, 30]]
+    browser.key("Delete")
+    assert len(read(saved(browser)).strokes) == 2
+    browser.key("[")
+    browser.key("+")
+    assert browser.run("current.camera.zoom") > 4
+    browser.key("0")
+
+
+@in_browser
+def test_wiggle_keeps_the_ends(opened):
+    browser = opened(drawing())
+    slide(browser, "#wiggle", 5)
+    slide(browser, "#wavelength", 30)
+    now, was = by_kind(read(saved(browser))), by_kind(read(write_svg(drawing())))
+    for kind, (xy, thickness) in was.items():
+        moved = far(now[kind][0], xy)
+        assert 1.5 < moved.max() < 8
+        if kind != "crease":
+            assert np.abs(now[kind][0][[0, -1]] - xy[[0, -1]]).max() < 0.02
+        assert abs(now[kind][1].max() - thickness.max()) < 0.02
+    closed = now["crease"][0]
+    assert np.array_equal(closed[0], closed[-1])
+
+
+@in_browser
+def test_layers_off_are_left_out_of_the_file(opened):
+    browser = opened(drawing())
+    browser.click(*middle(browser, "#layers input[value=valley]"))
+    assert set(by_kind(read(saved(browser)))) == {"contour", "crease"}
+    below = painted(browser)[87:]
+    assert below.min() == 255
+    browser.click(*middle(browser, "#layers input[value=valley]"))
+    assert set(by_kind(read(saved(browser)))) == {"contour", "crease", "valley"}
+
+
+@in_browser
+def test_before_and_after(opened):
+    browser = opened(drawing("grain"))
+    look = "document.querySelector('#ink').toDataURL()"
+
+    def settled():
+        browser.run("paintWell()")
+        return browser.run(look)
+
+    first = settled()
+    slide(browser, "#thickness", 1)
+    thick = settled()
+    assert thick != first
+    browser.click(*middle(browser, "#before"))
+    assert settled() == first and browser.run("document.querySelector('#before').ariaPressed") == "true"
+    browser.key("b")
+    assert settled() == thick
+    browser.click(*middle(browser, "#reset"))
+    assert settled() == first
+
+
+@in_browser
+def test_wheel_drag_and_fit(opened):
+    browser = opened(drawing())
+    zoom, x, y = browser.run("[current.camera.zoom, current.camera.x, current.camera.y]")
+    at = tuple(map(round, on_screen(browser, 40, 50)))
+    here = np.array(at) - on_screen(browser, 40, 50)
+    browser.mouse("mouseWheel", *at, deltaX=0, deltaY=-200)
+    browser.wait_for(f"current.camera.zoom > {1.2 * zoom}")
+    grown = browser.run("current.camera.zoom") / zoom
+    assert np.allclose(on_screen(browser, 40, 50), at - grown * here)  # what is under the mouse stays there
+    was = np.array(on_screen(browser, 40, 50))
+    browser.drag(at, (at[0] + 30, at[1] + 20))
+    assert np.allclose(on_screen(browser, 40, 50), was + [30, 20])
+    browser.click(*middle(browser, "#fit"))
+    assert np.allclose(browser.run("[current.camera.zoom, current.camera.x, current.camera.y]"), [zoom, x, y])
+
+
+@in_browser
+def test_several_drawings_on_one_page(opened):
+    browser = opened(drawing(), drawing("grain"), drawing("colours"))
+    assert browser.run("[...document.querySelectorAll('#tabs button')].map((tab) => tab.textContent)") == [
+        "a.svg", "b.svg", "c.svg",
+    ]  # fmt: skip
+    browser.click(*middle(browser, "#tabs button:nth-child(2)"))
+    slide(browser, "#thickness", 1)
+    assert abs(by_kind(read(saved(browser, "b-edited.svg")))["contour"][1].max() - 14) < 0.1
+    browser.click(*middle(browser, "#tabs button:nth-child(1)"))
+    assert browser.run("current.edit === UNEDITED")
+    assert abs(by_kind(read(saved(browser)))["contour"][1].max() - 7) < 0.1
+
+
+@in_browser
+def test_hostile_words_stay_words(browser, tmp_path):
+    text = write_svg(drawing(), title=HOSTILE, description=HOSTILE)
+    (tmp_path / "page.html").write_text(page_html([(HOSTILE, text)]), encoding="utf-8")
+    browser.open(tmp_path / "page.html")
+    assert browser.run("window.harm === undefined && document.querySelectorAll('img').length === 0")
+    assert browser.run("document.querySelector('#tabs button').textContent") == HOSTILE
+    browser.run(
+        "document.body.append(Object.assign(document.createElement('div'), {innerHTML: '<img src=x onerror=harm=1>'}))"
+    )
+    browser.run("document.head.append(Object.assign(document.createElement('script'), {textContent: 'harm = 1'}))")
+    assert browser.run("window.harm === undefined")  # even if something of that kind slipped through
+    browser.events.clear()
+
+
+@in_browser
+@pytest.mark.parametrize("width", [1280, 390])
+def test_everything_fits_into_the_window(opened, width):
+    browser = opened(drawing(), width=width)
+    assert browser.run("document.documentElement.scrollWidth") == width
+    for name in ("#save", "#undo", "#fit", "#thickness"):
+        x, y = middle(browser, name)
+        assert 0 < x < width and 0 < y < 800
+    assert browser.run("stage.clientWidth * stage.clientHeight") > 0.35 * width * 800
