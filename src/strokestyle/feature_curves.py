@@ -13,6 +13,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from .camera import Camera
+from .creases import bends, creases
 from .curves import KINDS, check_offsets, take_ragged
 from .edges import all_corners, any_corner
 from .intersections import crossings
@@ -736,13 +737,11 @@ def crease_segments(surface: Surface, view: ViewFields, options: LineOptions) ->
 
 @lru_cache(maxsize=4)
 def crease_edges(surface: Surface, angle: float) -> np.ndarray:
-    """Indices of the edges at which two faces meet at more than `angle` degrees, or more than two faces meet."""
-    inner = np.flatnonzero(surface.edge_face_count == 2)
-    f, g = surface.edge_faces[inner].T
-    cosine = _rowdot(surface.face_normals[f], surface.face_normals[g])
-    cosine[surface.clashing_edges[inner]] *= -1.0  # no winding agrees about this edge of a one-sided surface
-    sharp = inner[cosine < np.cos(np.radians(angle))]
-    return np.sort(np.r_[sharp, np.flatnonzero(surface.edge_face_count > 2)])
+    """Indices of the edges that are creases of more than `angle` degrees, or at which more than two faces meet."""
+    count, pair = surface.edge_face_count, surface.edge_faces
+    bend = bends(surface.face_normals, pair, count, surface.clashing_edges)
+    sharp = creases(surface.vertices, surface.edges, surface.face_edges, pair, bend, np.radians(angle))
+    return np.flatnonzero(sharp | (count > 2))
 
 
 def boundary_segments(surface: Surface, options: LineOptions) -> Segments:

@@ -12,11 +12,12 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from .creases import bends, creases
 from .edges import Edges, all_corners
 from .mesh_files import read_mesh
 
 DEFAULT_CREASE = 40.0  # degrees between two faces
-SHORT_CREASE = 0.03  # of the longest side: sharp edges that reach less far are noise; normals run smoothly over them
+LONG_EDGE = 0.03  # of the longest side: edges so long that normals must not run from a tip along them
 WELD = 1e-6  # of the longest side: boundary vertices nearer than this are one vertex
 THIN = 1e-4  # of the longest side: the normal of a lower face is mostly the rounding of its corners
 _CELLS = 2**21  # per axis: the grid on which equal positions are found; 3 x 21 bits fit an int64
@@ -410,23 +411,20 @@ def _turn(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndarray:
 def _cut(points: np.ndarray, faces: np.ndarray, edges: Edges, crease: float) -> tuple[np.ndarray, np.ndarray]:
     """Give each side of a sharp edge vertices of its own: faces (F, 3) over the new vertices, and their old ones (V,).
 
-    Sharp are edges of more than `crease` degrees that together reach over SHORT_CREASE, those that meet in a tip, those
-    that no winding can agree about, and those of more than two faces. A vertex is repeated once for each group of its
+    Sharp are the `creases`, edges that meet in a tip, those that no winding can agree about, and those of more than two
+    faces. A vertex is repeated once for each group of its
     faces that is joined through other edges, so that one sharp edge alone changes nothing.
     """
     count = len(points)
     inner = np.flatnonzero(edges.uses == 2)
     f, g = edges.faces[inner].T
     normal = face_normals(points, faces, edges)
-    clash = clashes(faces, edges)[inner]
-    sharp = (_dot(normal[f], normal[g]) < np.cos(np.radians(crease))) & ~clash & (crease < 180.0)
-    if sharp.any():
-        a, b = edges.ends[inner[sharp]].T
-        chain = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1][a]
-        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-        np.minimum.at(low, chain, np.minimum(points[a], points[b]))
-        np.maximum.at(high, chain, np.maximum(points[a], points[b]))
-        sharp[sharp] = np.linalg.norm(high[chain] - low[chain], axis=1) >= SHORT_CREASE
+    clash = clashes(faces, edges)
+    bend = bends(normal, edges.faces, edges.uses, clash)
+    clash = clash[inner]
+    sharp = np.zeros(len(inner), bool)
+    if crease < 180.0:
+        sharp = creases(points, edges.ends, edges.of_side, edges.faces, bend, np.radians(crease))[inner] & ~clash
     if crease < 180.0:
         tip = _tips(points, faces, edges.ends, normal, np.cos(np.radians(crease)))
         tip[edges.ends[inner[sharp | clash]]] = False  # cut as it is
@@ -459,14 +457,14 @@ def _tips(points: np.ndarray, faces: np.ndarray, edges: np.ndarray, normal: np.n
     vectors = points[edges[:, 0]] - points[edges[:, 1]]
     length = np.sqrt(_dot(vectors, vectors))
     tip = np.zeros(len(points), bool)
-    if length.max() < SHORT_CREASE:
+    if length.max() < LONG_EDGE:
         return tip
     uses = np.maximum(np.bincount(edges.ravel(), minlength=len(points)), 1)
     mean = np.bincount(edges.ravel(), weights=np.repeat(length, 2), minlength=len(points)) / uses
     vertex = vertex_normals(points, faces)
     for i in range(3):
         tip[faces[_dot(normal, vertex[faces[:, i]]) < cosine, i]] = True
-    return tip & (mean >= SHORT_CREASE)
+    return tip & (mean >= LONG_EDGE)
 
 
 # ---------------------------------------------------------------------------------------------------- measuring

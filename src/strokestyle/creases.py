@@ -1,0 +1,118 @@
+"""Which sharp edges of a mesh are creases of the shape, and which are only the noise of a scan or a coarse mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+LONG = 0.06  # of the longest side: so far must a crease reach whose sides bend ROUND times as much beside it
+ROUND = 0.3
+SHORT = 0.01  # of the longest side: and so far one between flat sides
+STRAIGHT = 50.0  # degrees: a crease turns less from edge to edge, or ends
+WEAK = 0.7  # of the crease angle: where a crease is followed to
+FOLDED = 150.0  # degrees: a single edge that bends more is a face folded over, a fault of the mesh
+MANY = 64  # sharp edges at one vertex: a fan, and none goes on as another
+
+
+def bends(normals: np.ndarray, faces: np.ndarray, uses: np.ndarray, clash: np.ndarray) -> np.ndarray:
+    """Angle between the two faces at each edge, radians (E,); 0 where there are not two.
+
+    Parameters
+    ----------
+    normals : (F, 3) unit
+    faces : (E, 2) int, the faces at each edge
+    uses : (E,) int, how many faces there are
+    clash : (E,) bool, edges about which no winding agrees: one of the normals is the wrong way round there
+    """
+    inner = np.flatnonzero(uses == 2)
+    cosine = np.einsum("ij,ij->i", *normals[faces[inner]].transpose(1, 0, 2))
+    cosine[clash[inner]] *= -1.0
+    bend = np.zeros(len(uses))
+    bend[inner] = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return bend
+
+
+def creases(
+    points: np.ndarray, ends: np.ndarray, of_side: np.ndarray, faces: np.ndarray, bend: np.ndarray, angle: float
+) -> np.ndarray:
+    """The edges (E,) bool that are creases: those of more than `angle` that hold together as a line would.
+
+    A true crease goes on from edge to edge without turning much, and lies between sides that are flat next to it; the
+    sharp edges of noise and of details too fine for the mesh zigzag, between sides that bend as much. So edges of more
+    than WEAK `angle` are chained to the straightest ones that follow them. Of a chain those that exceed `angle` are kept
+    where they reach far enough: the farther, the rounder its sides are. Where they make up half of it, all of it is
+    kept, and so is an edge that fills a gap between two such, unless it is FOLDED.
+
+    Parameters
+    ----------
+    points : (V, 3), longest side 1
+    ends : (E, 2) int, the vertices of each edge
+    of_side : (F, 3) int, the edge of each side of each face
+    faces : (E, 2) int, the faces at each edge
+    bend : (E,) radians, as `bends` has it
+    angle : radians
+    """
+    edge = np.flatnonzero(bend > WEAK * angle)
+    out = np.zeros(len(ends), bool)
+    if not len(edge):
+        return out
+    along = points[ends[edge, 1]] - points[ends[edge, 0]]
+    length = np.linalg.norm(along, axis=1)
+    along /= np.maximum(length, 1e-30)[:, None]
+    chain = _chains(ends[edge], along)
+    strong = bend[edge] > angle
+    reach = np.bincount(chain, length * strong)
+    share = reach / np.maximum(np.bincount(chain, length), 1e-30)
+    beside = _bend_beside(points, ends, of_side, faces, bend, edge, along)
+    roundness = np.bincount(chain, length * beside) / np.maximum(np.bincount(chain, length * bend[edge]), 1e-30)
+    good = reach >= np.maximum(LONG * (roundness / ROUND) ** 2, SHORT)
+    kept = good[chain] & (strong | (share >= 0.5)[chain])
+    met = np.zeros(len(points), bool)
+    met[ends[edge[kept]]] = True
+    gap = met[ends[edge]].all(axis=1) & (bend[edge] < np.radians(FOLDED))
+    out[edge[kept | gap]] = True
+    return out
+
+
+def _chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """The chain (M,) that each edge with ends (M, 2) and direction (M, 3) belongs to.
+
+    At a vertex two edges go on as each other where each is the other's straightest continuation.
+    """
+    count = len(ends)
+    order = np.argsort(ends.ravel(), kind="stable")  # end 2 i + j is end j of edge i
+    vertex = ends.ravel()[order]
+    start = np.flatnonzero(np.r_[True, vertex[1:] != vertex[:-1]])
+    degree = np.diff(np.r_[start, 2 * count])
+    left = np.repeat(start + degree, degree) - np.arange(2 * count) - 1  # ends of the same vertex yet to come
+    left[np.repeat(degree, degree) > MANY] = 0
+    one, two = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for k in range(1, int(left.max(initial=0)) + 1):
+        at = np.flatnonzero(left >= k)
+        one.append(order[at])
+        two.append(order[at + k])
+    one, two = np.concatenate(one), np.concatenate(two)
+    outward = np.stack([along, -along], axis=1).reshape(-1, 3)
+    cosine = -np.einsum("ij,ij->i", outward[one], outward[two])
+    straight = cosine > np.cos(np.radians(STRAIGHT))
+    one, two, cosine = one[straight], two[straight], cosine[straight]
+    best = np.full(2 * count, -2.0)
+    np.maximum.at(best, one, cosine)
+    np.maximum.at(best, two, cosine)
+    both = (cosine == best[one]) & (cosine == best[two])
+    links = coo_matrix((np.ones(both.sum(), np.int8), (one[both] // 2, two[both] // 2)), shape=(count, count))
+    return connected_components(links, directed=False)[1]
+
+
+def _bend_beside(points, ends, of_side, faces, bend, edge, along) -> np.ndarray:
+    """How much the surface bends about the same axis right beside each of some edges (M,), radians: the most at the
+    other sides of its two faces."""
+    most = np.zeros(len(edge))
+    for face in faces[edge].T:
+        for other in of_side[face].T:
+            direction = points[ends[other, 1]] - points[ends[other, 0]]
+            direction /= np.maximum(np.linalg.norm(direction, axis=1), 1e-30)[:, None]
+            about = bend[other] * np.abs(np.einsum("ij,ij->i", direction, along))
+            most = np.maximum(most, np.where((other == edge) | (face < 0), 0.0, about))
+    return most
