@@ -103,7 +103,7 @@ def read_obj(data: bytes) -> Triangles:
     faces = corner[np.stack([begin, begin + k + 1, begin + k + 2], axis=1)]
 
     names = [""] + [_text(data, start, at)[2:].strip() for at in np.flatnonzero(is_object)]
-    number = {name: i for i, name in reversed(list(enumerate(names)))}  # objects of one name are one part
+    number = {name: i for i, name in enumerate(names)}  # objects of one name are one part
     of_object = np.array([number[name] for name in names])
     present, part = np.unique(of_object[np.cumsum(is_object)[face[polygon]]], return_inverse=True)
     return vertices, faces, part.ravel(), tuple(names[i] for i in present)
