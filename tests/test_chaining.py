@@ -58,6 +58,31 @@ def test_strength_counts_as_much_as_length():
     assert np.allclose(middle[:, 1], 103, atol=0.1)
 
 
+@pytest.mark.parametrize(
+    "kinds, far, left",
+    [
+        ((VALLEY, SUGGESTIVE), 10, 1),
+        ((RIDGE, SUGGESTIVE), 10, 1),
+        ((CREASE, SUGGESTIVE), 10, 1),
+        ((VALLEY, SUGGESTIVE), 14, 2),
+        ((VALLEY, RIDGE), 10, 2),
+        ((VALLEY, VALLEY), 10, 2),
+        ((SUGGESTIVE, SUGGESTIVE), 10, 2),
+        ((CONTOUR, SUGGESTIVE), 10, 2),
+        ((CREASE, VALLEY), 10, 2),
+    ],
+)
+def test_a_suggestive_contour_and_another_line_of_the_same_form_are_one(kinds, far, left):
+    for order in (slice(None), slice(None, None, -1)):
+        lines = [line((100, 100), (300, 100)), line((110, 100 + far), (290, 100 + far))]
+        out = draw(*lines, kind=kinds[order])
+        assert len(out) == left
+        if left == 1:
+            assert out.kind[0] == (CREASE if CREASE in kinds else SUGGESTIVE)
+    slanted = [line((100, 100), (300, 100)), line((150, 75), (250, 125))]
+    assert len(draw(*slanted, kind=kinds)) == 2
+
+
 def test_only_the_parallel_part_goes():
     bent = np.concatenate([line((100, 101), (200, 101)), line((202, 103), (280, 181))])
     out = draw(line((80, 100), (320, 100)), bent, kind=[CONTOUR, CREASE])

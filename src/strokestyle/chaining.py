@@ -21,7 +21,7 @@ SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")
 _SOFT = np.array([kind in SOFT_KINDS for kind in KINDS])
 # How much of a soft line's length counts when two of different kinds compete for one place.
 _WEIGHT = np.array([1.0, 1.0, 2.0, 1.3, 1.0, 1.0, 0.7, 1.0, 1.0])
-_CREASE = KINDS.index("crease")
+_CREASE, _SUGGESTIVE = KINDS.index("crease"), KINDS.index("suggestive")
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,7 @@ class TidyOptions:
     merge: float = 2.5
     merge_soft: float = 4.0
     merge_contour: float = 7.0
+    merge_suggestive: float = 12.0
     merge_angle: float = 25.0
     speck: float = 5.0
     isolated: float = 15.0
@@ -108,7 +109,9 @@ def tidy(
 
     1. **Cut** where a line turns back on itself (110 degrees within 6 px), as contours do at cusps.
     2. **Merged**: the part of a curve that runs beside a better one goes: within `merge` px and `merge_angle` degrees,
-       if it is soft within `merge_soft` px, or beside a contour `merge_contour` px and 0.4 `merge_angle`. Better is,
+       if it is soft within `merge_soft` px, or beside a contour `merge_contour` px and 0.4 `merge_angle`; and since
+       suggestive contours and lines of other kinds tell of the same form from two sides, of these two within
+       `merge_suggestive` px and 0.7 `merge_angle`. Better is,
        among hard lines of 8 px and more, the earlier kind in KINDS, then the longer; a hard line before a soft one;
        among soft ones the greater length x strength. A crease shorter than `long_crease` px is more often noise than
        form and competes as a soft line, with twice its length. Of what is left, stretches shorter than 6 px go too;
@@ -240,7 +243,8 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
     rank[np.lexsort((np.arange(len(lines)), -score, group))] = np.arange(len(lines))
 
     contour = lines.kind == 0
-    radius = max(options.merge, options.merge_soft, options.merge_contour)
+    suggestive = lines.kind == _SUGGESTIVE
+    radius = max(options.merge, options.merge_soft, options.merge_contour, options.merge_suggestive)
     along = np.arange(len(lines.xy)) - lines.first[of]
     every = np.flatnonzero(along % 2 == 0)  # every second point is asked, and answers for the next
     pairs = every[cKDTree(lines.xy[every]).query_pairs(radius, output_type="ndarray")]
@@ -253,8 +257,10 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
     distance = np.linalg.norm(between, axis=1)
     abreast = np.abs(np.einsum("ij,ij->i", between, direction[winner])) < 1.5 * STEP  # not ahead of a tip
     limit = np.where(contour[of[winner]], options.merge_contour, options.merge_soft)
+    same_form = (suggestive[of[winner]] != suggestive[of[loser]]) & ~contour[of[winner]]
+    limit = np.where(same_form, np.maximum(limit, options.merge_suggestive), limit)
     near = distance <= np.where(soft[of[loser]], limit, options.merge)
-    angle = np.where(distance > options.merge_soft, 0.4, 1.0) * options.merge_angle
+    angle = np.where(distance > options.merge_soft, np.where(same_form, 0.7, 0.4), 1.0) * options.merge_angle
     beside = near & abreast & (cosine > np.cos(np.radians(angle)))
     winner, loser = winner[beside], loser[beside]
 
