@@ -144,11 +144,27 @@ def fit(
     if isinstance(config, PaperConfig):
         report = _Reporter(progress, config.geometry_steps + config.texture_steps)
         return fit_paper(view, exemplar, config, seed, device, report, about, checkpoint, until)
-    style_config = replace(config.style, size=max(size))
+    report = _Reporter(progress, 2 * config.steps + config.trace_steps)
+    style, _ = learn(view, exemplar, config, seed, device, report, checkpoint, until)
+    return replace(style, about=about)
+
+
+def learn(
+    view: View,
+    exemplar: Exemplar,
+    config: FitConfig,
+    seed: int = 0,
+    device: torch.device | None = None,
+    report: _Reporter | None = None,
+    checkpoint: Checkpoint | None = None,
+    until: float | None = None,
+) -> tuple[Style, Strokes]:
+    """The style of a drawing, and the drawing's own strokes as they were traced; `fit` says what the arguments mean."""
+    device, report, checkpoint = device or pick_device("cpu"), report or _Reporter(None, 1), checkpoint or Checkpoint()
+    style_config = replace(config.style, size=max(exemplar.mask.shape))
     planned = plan(view, style_config)
     if not len(planned):
         raise ValueError("no curves in this view are long enough to draw: nothing to learn from")
-    report = _Reporter(progress, 2 * config.steps + config.trace_steps)
     surface = planned.carry(surface_at(view, style_config.spacing))
     raw = point_features(planned, surface, style_config)
     low, high = np.percentile(raw, [0.5, 99.5], axis=0)
@@ -187,11 +203,14 @@ def fit(
         high=high,
         hand=hand,
         color=_flat_ink(exemplar),
-        about=about,
     )
-    if config.texture:
-        style = _learn_texture(style, planned, features, traced, exemplar, seed, report)
-    return style
+    strokes, rows = traced.strokes(planned)
+    if config.texture and len(strokes):
+        report("texture", 0, 1, {})
+        bank = learn_texture(strokes, features.double().cpu().numpy()[rows], exemplar, seed)
+        report("texture", 1, 1, {})
+        style = replace(style, bank=bank)
+    return style, strokes
 
 
 def tensors(frame: Frame, device: torch.device) -> Frame:
@@ -345,6 +364,12 @@ class Traced:
     def thickness(self) -> Tensor:
         return thickness_of(self.swell).clamp(min=0.0)
 
+    def strokes(self, planned: Planned) -> tuple[Strokes, np.ndarray]:
+        """These strokes without the ends that are too thin to see, and the rows (n,) of `planned` that they keep."""
+        xy, thickness = self.xy.double().cpu().numpy(), self.thickness.double().cpu().numpy()
+        rows, offsets, kept = lifted(thickness, planned.offsets)
+        return Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool)), rows
+
     def guess(self, frame: Frame, measured: Guess, mask_here: np.ndarray) -> tuple[Guess, np.ndarray]:
         """These strokes as a guess, and where (N,) they are sure: seen alike from across and through the rasteriser."""
         offset = ((self.xy - frame.xy) * frame.across).sum(1).double().cpu().numpy()
@@ -460,18 +485,6 @@ def _flat_ink(exemplar: Exemplar) -> np.ndarray:
     rgb = (exemplar.ink * weight[..., None]).sum(axis=(0, 1)) / total
     alpha = float((exemplar.alpha * exemplar.mask).sum() / max(float(exemplar.mask.sum()), 1e-6))
     return np.clip(np.r_[rgb, alpha], 0, 1).astype(np.float64)
-
-
-def _learn_texture(style, planned, features, traced, exemplar, seed, report) -> Style:
-    xy, thickness = traced.xy.double().cpu().numpy(), traced.thickness.double().cpu().numpy()
-    rows, offsets, kept = lifted(thickness, planned.offsets)
-    if not len(kept):
-        return style
-    strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool))
-    report("texture", 0, 1, {})
-    bank = learn_texture(strokes, features.double().cpu().numpy()[rows], exemplar, seed)
-    report("texture", 1, 1, {})
-    return replace(style, bank=bank)
 
 
 def fit_sheet(view: View, exemplar: Exemplar, style: Style | PaperStyle) -> np.ndarray:
