@@ -8,6 +8,7 @@ from .cubics import fit_cubics
 from .strokes import Strokes, distinct, signed_distance
 
 FIT_STEP = 1.5  # px between the points of an outline that its cubics are fitted to
+MOST_PROBES = 6000  # of a stroke
 PROBE_STEP = 0.6  # px between the points at which a loop that was cut from an outline is looked at
 
 
@@ -67,6 +68,7 @@ def exact_rings(xy, radius, closed: bool, tolerance: float) -> list[tuple[np.nda
     neat = [_cut_loops(ring, hard, pivot, 6.0 * radius.max()) for ring, hard, pivot in made]
     probes = np.concatenate([probe for _, _, probe in neat])
     if len(probes):  # every loop that was cut away must leave the filled region as it was
+        probes = probes[:: -(-len(probes) // MOST_PROBES)]
         depth = signed_distance(xy, radius, probes)
         filled = sum(winding_number(ring, probes) for ring, _, _ in neat) != 0
         if (filled != (depth < 0))[np.abs(depth) > 0.05].any():
@@ -77,9 +79,18 @@ def exact_rings(xy, radius, closed: bool, tolerance: float) -> list[tuple[np.nda
 def winding_number(ring: np.ndarray, points: np.ndarray) -> np.ndarray:
     """How often a closed polygon (n, 2) goes round each of the points (M, 2), (M,) int."""
     a, b = ring, np.roll(ring, -1, axis=0)
-    above_a, above_b = a[None, :, 1] > points[:, None, 1], b[None, :, 1] > points[:, None, 1]
-    side = (b[:, 0] - a[:, 0]) * (points[:, None, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (points[:, None, 0] - a[:, 0])
-    return (above_b & ~above_a & (side > 0)).sum(axis=1) - (above_a & ~above_b & (side < 0)).sum(axis=1)
+    low, high = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
+    order = np.argsort(points[:, 1], kind="stable")
+    level = points[order, 1]
+    first = np.searchsorted(level, low)  # an edge is crossed by points as high as its lower end, but not its upper
+    count = np.searchsorted(level, high) - first
+    edge = np.repeat(np.arange(len(ring)), count)
+    at = order[np.arange(len(edge)) - np.repeat(np.cumsum(count) - count - first, count)]
+    a, b, p = a[edge], b[edge], points[at]
+    side = (b[:, 0] - a[:, 0]) * (p[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (p[:, 0] - a[:, 0])
+    up = b[:, 1] > a[:, 1]
+    turns = np.where(up & (side > 0), 1.0, np.where(~up & (side < 0), -1.0, 0.0))
+    return np.rint(np.bincount(at, turns, len(points))).astype(np.int64)
 
 
 def _evenly(ring, hard):
