@@ -445,7 +445,7 @@ Examples:
 @click.option(
     "--png-scale", type=click.FloatRange(0.1, 16), default=1.0, show_default=True, help="Preview pixels per SVG pixel."
 )
-@click.option("--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb.  [default: none]")
+@file_options
 @click.option(
     "--turntable", type=click.IntRange(1, 3600), metavar="N", help="N drawings round the upright axis, OUT-000.svg ..."
 )
@@ -750,7 +750,8 @@ def _draw(model: str, options: dict, shape: str, output: str) -> str:
         look = {"texture": options["texture"], "title": Path(shape).stem, "background": options["background"]}
         if options["drawings"]:
             with stage("write the SVG"):
-                text = write_svg(drawing, description=f"Drawn by strokestyle {__version__}", **look)
+                file = {name: options[name] for name in FILE_OPTIONS if options[name] is not None}
+                text = write_svg(drawing, description=f"Drawn by strokestyle {__version__}", **{**look, **file})
                 if target == "-":
                     click.echo(text, nl=False)
                 else:
@@ -873,6 +874,7 @@ class Views:
 
 
 VIEW_OPTIONS = ("view", "camera", "fov", "up", "size")
+FILE_OPTIONS = ("page_size", "layers", "decimals", "title", "author", "license", "background")
 LINE_OPTIONS = ("lines", "crease", "suggestive", "ridge", "valley", "apparent", "detail", "spacing", "curves")
 
 
