@@ -632,7 +632,7 @@ def differential_geometry(
     share = (areas.ravel() / np.maximum(_scatter(index, areas.ravel(), count), _TINY)[index]).reshape(-1, 3)
 
     blocks = [slice(i, i + BLOCK) for i in range(0, len(faces), BLOCK)]
-    frames = [_face_frames(vertices, faces[block], share[block], normals, x, y) for block in blocks]
+    frames = [_face_frames(vertices, faces[block], share[block], normals) for block in blocks]
     mean, deviator = np.empty(faces.shape), np.empty(faces.shape, complex)
     for block, frame in zip(blocks, frames, strict=True):
         mean[block], deviator[block] = _forms(frame, normals[faces[block]], rtsc)
@@ -679,7 +679,7 @@ class _FaceFrames:
     share: np.ndarray
 
 
-def _face_frames(vertices, faces, share, normals, x, y) -> _FaceFrames:
+def _face_frames(vertices, faces, share, normals) -> _FaceFrames:
     side = _sides(vertices, faces)
     t = _unit(side[0])
     n = _unit(np.cross(side[0], side[1]))
@@ -693,8 +693,8 @@ def _face_frames(vertices, faces, share, normals, x, y) -> _FaceFrames:
         corner_normal = normals[faces[:, i]]
         tilt = _dot(t, corner_normal) / np.maximum(1.0 + _dot(n, corner_normal), 1e-6)
         rotated = t - tilt[:, None] * n  # less a part along the vertex normal, which x and y do not see
-        turn[:, i].real = _dot(rotated, x[faces[:, i]])
-        turn[:, i].imag = _dot(rotated, y[faces[:, i]])
+        x, y = _tangent_frame(corner_normal)  # sooner made than fetched
+        turn[:, i].real, turn[:, i].imag = _dot(rotated, x), _dot(rotated, y)
     size = np.abs(turn)
     turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)
     return _FaceFrames(t, b, u, v, turn, share * flat[:, None])
