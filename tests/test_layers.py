@@ -8,6 +8,7 @@ import pytest
 SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 RANK = {
     "files": 0, "camera": 0, "mesh_files": 0, "edges": 0, "curves": 0, "raster": 0, "model": 0, "cubics": 0, "palette": 0,
+    "registration": 0,
     "intersections": 0, "creases": 0,
     "svg_text": 0, "svg_syntax": 0,
     "surface": 1, "visibility": 1, "chaining": 1, "strokes": 1, "exemplar": 1, "curve_files": 1, "planning": 1,

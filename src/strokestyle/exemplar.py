@@ -16,6 +16,8 @@ from PIL import Image, ImageOps
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from .registration import Similarity, register
+
 MAX_PIXELS = 200_000_000
 BLOCK = 48  # px; paper colour is taken per block
 GRAIN_SIGMAS = (0.0, 0.7, 1.0, 1.4, 1.8, 2.3, 2.8)  # px; blurs tried, in order, until the mask holds together
@@ -106,10 +108,11 @@ def read_image(path: str | Path) -> tuple[np.ndarray, bool]:
 
 
 def load_exemplar(path: str | Path, width: int, height: int, curve_points: np.ndarray) -> tuple[Exemplar, str]:
-    """Read a drawing and lay it on a view of `width` x `height` px, keeping its registration.
+    """Read a drawing and lay it on a view of `width` x `height` px, where it belongs on the curves.
 
     A file of the view's proportions is resampled as it is. Any other is tried three ways (whole sheet inside the view,
-    view inside the sheet, stretched) and stays where most ink lies near the view's curves, `curve_points` (N, 2).
+    view inside the sheet, stretched) and stays where most ink lies near the view's curves, `curve_points` (N, 2). Where
+    a shift, turn or scale of some per cent clearly brings the ink onto the curves, the sheet is moved by it.
 
     Returns the exemplar and a note for the user, empty where there is nothing to say.
     Raises ValueError, naming the file, where it is blank, all ink, or no drawing of these curves.
@@ -119,12 +122,17 @@ def load_exemplar(path: str | Path, width: int, height: int, curve_points: np.nd
     layouts = [(name, _lay(rgba, width, height, name)) for name in _layouts(rgba.shape, width, height)]
     for name, sheet in layouts:
         exemplar = separate(sheet, transparent, str(path))
+        moved = register(exemplar.mask, curve_points)
+        if moved is not None:
+            exemplar = separate(_moved(sheet, moved), transparent, str(path))
         agreement = agree(exemplar, curve_points)
         if best is None or agreement.far_ink < best[1].far_ink - 0.01:
-            best = (exemplar, agreement, name)
-    exemplar, agreement, name = best
+            best = (exemplar, agreement, name, moved)
+    exemplar, agreement, name, moved = best
     if len(layouts) > 1:
         note = f"{rgba.shape[1]} x {rgba.shape[0]} px drawing {name} to the {width} x {height} view"
+    if moved is not None:
+        note += f"{'; ' if note else ''}registered with the curves: {moved}"
     if agreement.far_ink > FAR_REFUSED:
         raise ValueError(
             f"{path}: {100 * agreement.far_ink:.0f} % of its ink lies farther than {agreement.near:.0f} px from every "
@@ -285,7 +293,7 @@ def _lay(rgba: np.ndarray, width: int, height: int, layout: str) -> np.ndarray:
     if (w, h) == (width, height):
         return rgba
     new_w, new_h = (width, height) if scale is None else (max(1, round(w * scale)), max(1, round(h * scale)))
-    premultiplied = np.concatenate([rgba[..., :3] * rgba[..., 3:], rgba[..., 3:]], axis=-1)
+    premultiplied = _premultiplied(rgba)
     resize = Image.Resampling.LANCZOS
     planes = [np.asarray(Image.fromarray(premultiplied[..., k]).resize((new_w, new_h), resize)) for k in range(4)]
     out = np.stack(planes, axis=-1).clip(0, 1)
@@ -297,8 +305,21 @@ def _lay(rgba: np.ndarray, width: int, height: int, layout: str) -> np.ndarray:
         full = np.broadcast_to(edge, (height, width, 4)).copy()
         full[pad_y // 2 : pad_y // 2 + out.shape[0], pad_x // 2 : pad_x // 2 + out.shape[1]] = out
         out = full
-    rgb = np.where(out[..., 3:] > 1e-3, out[..., :3] / np.maximum(out[..., 3:], 1e-3), 1.0).clip(0, 1)
-    return np.concatenate([rgb, out[..., 3:]], axis=-1).astype(np.float32)
+    return _straight(out)
+
+
+def _moved(sheet: np.ndarray, moved: Similarity) -> np.ndarray:
+    return _straight(moved.warp(_premultiplied(sheet)).clip(0, 1))
+
+
+def _premultiplied(rgba: np.ndarray) -> np.ndarray:
+    return np.concatenate([rgba[..., :3] * rgba[..., 3:], rgba[..., 3:]], axis=-1)
+
+
+def _straight(premultiplied: np.ndarray) -> np.ndarray:
+    alpha = premultiplied[..., 3:]
+    rgb = np.where(alpha > 1e-3, premultiplied[..., :3] / np.maximum(alpha, 1e-3), 1.0).clip(0, 1)
+    return np.concatenate([rgb, alpha], axis=-1).astype(np.float32)
 
 
 def _short(error: Exception) -> str:
