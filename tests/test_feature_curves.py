@@ -582,6 +582,19 @@ def test_detail_is_one_knob():
         kinds.detailed(2.0, 1.0)
 
 
+def test_soft_lines_are_weak_between_slivers():
+    """The same ridge, with edges of one length and with the grid's rows 30 times as far apart as its columns."""
+    strength = []
+    for rows in (61, 3):
+        ridge, keep = shapes.ridge(), np.linspace(0, 60, rows).astype(int)
+        vertices = ridge.vertices.reshape(61, 61, 3)[keep].reshape(-1, 3)
+        surface = make_surface(vertices, shapes.grid(rows, 61)[:, ::-1])
+        curves = feature_curves(surface, camera((0, 0, 3)), only("ridge", ridge=0.01))
+        strength.append(curves.strength.max(initial=0.0))
+    assert strength[0] > 0.5 and strength[1] == 0.0
+    assert (lines._trust(make_surface(*shapes.sphere(3))) == 1.0).all()
+
+
 def test_a_range_of_detail_follows_the_lines_of_its_low_end():
     surface = bumpy()
     kinds = LineOptions(("suggestive", "ridge", "valley", "apparent"), smooth=0.02, trim=False)

@@ -22,6 +22,7 @@ from .surface import DEFAULT_CREASE, Surface
 SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")  # read off curvature, so that noise of the mesh tells
 SURFACE_KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent", "intersection")
 MOST_SMOOTH = 3.0  # mean edges: a denser mesh is smoothed over less than LineOptions.smooth, or it would take long
+SLIVERS = (0.1, 0.25)  # see _trust
 LEAST_CROSSING = 10.0  # degrees, see intersection_segments
 LEAST_DETAIL, MOST_DETAIL = 0.1, 10.0  # see LineOptions.detailed
 ECHO_FACES, ECHO_EDGES = 3, 14  # see _without_echoes
@@ -227,14 +228,35 @@ def _lines(surface: Surface, kind: str, find, up: np.ndarray, options: LineOptio
     A soft line must reach `options.hysteresis` somewhere. To follow it on, it is found a second time by weaker
     thresholds; of those lines the ones are kept that pass through a face of the first.
     """
-    soft = kind in SOFT_KINDS
-    curves = _chain(surface, find(options), up, options.hysteresis if soft else 0.0)
-    if not (soft and options.follow > 1.0 and len(curves)):
+    if kind not in SOFT_KINDS:
+        return _chain(surface, find(options), up, 0.0)
+    curves = _chain(surface, _trusted(surface, find(options)), up, options.hysteresis)
+    if not (options.follow > 1.0 and len(curves)):
         return curves
-    followed = _chain(surface, find(options.followed()), up, 0.0)
+    followed = _chain(surface, _trusted(surface, find(options.followed())), up, 0.0)
     start = np.zeros(len(surface.faces), bool)
     start[curves.face] = True
     return followed.take(np.logical_or.reduceat(start[followed.face], followed.offsets[:-1]))
+
+
+def _trusted(surface: Surface, segments: Segments) -> Segments:
+    """Segments of soft lines, weaker between slivers: curvature is read off differences along all sides of a face, and
+    means little where some are many times shorter than others, as on the flanks of a machine part."""
+    strength = segments.strength * _at_ends(surface, segments, _trust(surface))
+    return Segments(segments.kind, segments.face, segments.bary, segments.node, strength)
+
+
+@lru_cache(maxsize=2)
+def _trust(surface: Surface) -> np.ndarray:
+    """(V,) from 0 where the faces around a vertex are SLIVERS[0] times as high as long to 1 where SLIVERS[1] times."""
+    corner = surface.vertices[surface.faces]
+    side = corner - corner[:, _NEXT]
+    longest = np.einsum("fij,fij->fi", side, side).max(axis=1)
+    area = np.cross(side[:, 0], side[:, 1])
+    shape = np.sqrt(_rowdot(area, area)) / np.maximum(longest, 1e-30)
+    index, count = surface.faces.ravel(), len(surface.vertices)
+    mean = np.bincount(index, np.repeat(shape, 3), count) / np.maximum(np.bincount(index, minlength=count), 1)
+    return np.clip((mean - SLIVERS[0]) / (SLIVERS[1] - SLIVERS[0]), 0.0, 1.0)
 
 
 @lru_cache(maxsize=2)
