@@ -135,10 +135,15 @@ class Browser:
         count = 0 if kind == "mouseMoved" or kind == "mouseWheel" else 1
         self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=count, **more)
 
+    def frame(self):
+        """Wait until what happened so far is painted."""
+        self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done())))")
+
     def click(self, x: float, y: float):
         self.mouse("mouseMoved", x, y)
         self.mouse("mousePressed", x, y)
         self.mouse("mouseReleased", x, y)
+        self.frame()
 
     def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 5):
         self.mouse("mouseMoved", *start)
@@ -147,11 +152,13 @@ class Browser:
             f = k / steps
             self.mouse("mouseMoved", *(a + f * (b - a) for a, b in zip(start, end, strict=True)), down=True)
         self.mouse("mouseReleased", *end)
+        self.frame()
 
     def key(self, key: str, modifiers: int = 0):
         """Press a key; modifiers are 1 Alt, 2 Ctrl, 4 Meta, 8 Shift."""
         for kind in ("rawKeyDown", "keyUp"):
             self.send("Input.dispatchKeyEvent", type=kind, key=key, modifiers=modifiers)
+        self.frame()
 
     def screenshot(self) -> bytes:
         return base64.b64decode(self.send("Page.captureScreenshot", format="png")["data"])

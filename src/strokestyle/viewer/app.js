@@ -6,6 +6,8 @@
 const PLAIN = { thickness: 1, wiggle: 0, moves: [], removed: false };
 const UNEDITED = { thickness: 1, wiggle: 0, wavelength: 40, hidden: [], strokes: {} };
 const SETTLE = 200; // ms without a change until the picture is painted at its best
+const CROWD = 14; // px of the screen between handles that are shown
+const PART = 0.3; // of the paper: where less than this changes, only that is painted
 const BAND = 200; // rows of it painted at a time
 const FRAME = 26; // ms a frame may take before it is painted coarser
 const byId = (id) => document.getElementById(id);
@@ -93,6 +95,7 @@ let settling = 0; // the timer of the picture at its best
 let round = 0; // goes up whenever something changes, so that a picture in the making is given up
 let quality = 1;
 let image = null;
+let shown = null; // what the canvas shows: {canvas, marks, camera, size}
 
 function refresh() {
   showControls();
@@ -137,7 +140,8 @@ function canvasAt(fine) {
   return { density, width, height, view, sides, box: width > 0 && height > 0 && x1 > x0 && y1 > y0 ? box : null };
 }
 
-function showCanvas({ density, width, height, sides, box }, picture) {
+function showCanvas(canvas, picture, marks) {
+  const { density, width, height, sides, box } = canvas;
   if (ink.width !== width || ink.height !== height) [ink.width, ink.height] = [width, height];
   const context = ink.getContext("2d");
   context.clearRect(0, 0, width, height);
@@ -147,23 +151,51 @@ function showCanvas({ density, width, height, sides, box }, picture) {
   context.fillRect(sides[0], sides[1], sides[2] - sides[0], sides[3] - sides[1]);
   context.shadowColor = "transparent";
   if (box) context.putImageData(picture, box.x0, box.y0);
+  shown = { canvas, marks, camera: current.camera, size: `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}` };
 }
 
 function marksWanted(quick) {
   return before ? marksBefore(current) : marksShown(current, current.edit, quick);
 }
 
-/** Paint the drawing now. */
+/** Paint the drawing now: only what changed if that is little, else all of it at `fine` pixels a pixel of the screen. */
 function paint(fine) {
-  const canvas = canvasAt(fine);
-  const { box, view } = canvas;
-  if (box) {
-    if (image?.width !== box.width || image?.height !== box.height) image = new ImageData(box.width, box.height);
-    new Uint32Array(image.data.buffer).fill(paperColor());
-    paintMarks(marksWanted(true), view, image, box.x0, box.y0);
+  const marks = marksWanted(true);
+  if (!paintPart(marks)) {
+    const canvas = canvasAt(fine);
+    const { box, view } = canvas;
+    if (box) {
+      if (image?.width !== box.width || image?.height !== box.height) image = new ImageData(box.width, box.height);
+      new Uint32Array(image.data.buffer).fill(paperColor());
+      paintMarks(marks, view, image, box.x0, box.y0);
+    }
+    showCanvas(canvas, image, marks);
   }
-  showCanvas(canvas, image);
   placeHandles();
+}
+
+/** Paint where marks differ from those shown, into the picture as it is; false where that is no less work. */
+function paintPart(marks) {
+  if (shown?.camera !== current.camera || !shown.canvas.box) return false;
+  if (shown.size !== `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}`) return false;
+  const { box, view } = shown.canvas;
+  const [old, now] = [new Set(shown.marks), new Set(marks)];
+  let [x0, y0, x1, y1] = [Infinity, Infinity, -Infinity, -Infinity];
+  for (const mark of [...shown.marks.filter((m) => !now.has(m)), ...marks.filter((m) => !old.has(m))]) {
+    const part = boxOf(mark, view);
+    [x0, y0, x1, y1] = [Math.min(x0, part[0]), Math.min(y0, part[1]), Math.max(x1, part[2]), Math.max(y1, part[3])];
+  }
+  [x0, y0] = [Math.max(x0, box.x0), Math.max(y0, box.y0)];
+  [x1, y1] = [Math.min(x1, box.x0 + box.width), Math.min(y1, box.y0 + box.height)];
+  if (x1 > x0 && y1 > y0) {
+    if ((x1 - x0) * (y1 - y0) > PART * box.width * box.height) return false;
+    const picture = new ImageData(x1 - x0, y1 - y0);
+    new Uint32Array(picture.data.buffer).fill(paperColor());
+    paintMarks(marks, view, picture, x0, y0);
+    ink.getContext("2d").putImageData(picture, x0, y0);
+  }
+  shown.marks = marks;
+  return true;
 }
 
 /** Paint the drawing with two pixels a pixel of the screen at least, a band at a time so that the hand need not wait. */
@@ -182,7 +214,7 @@ async function paintWell() {
     await new Promise((next) => setTimeout(next));
     if (mine !== round) return;
   }
-  showCanvas(canvas, picture);
+  showCanvas(canvas, picture, marks);
 }
 
 function marksBefore(sheet) {
@@ -190,7 +222,7 @@ function marksBefore(sheet) {
   return sheet.original;
 }
 
-/** The selected stroke's centre line and handles, over the picture. */
+/** The centre line and handles of the selected stroke, or the line of the one under the mouse, over the picture. */
 function placeHandles() {
   const number = before ? -1 : selected >= 0 ? selected : hovered;
   const spine = byId("spine");
@@ -214,8 +246,12 @@ function placeHandles() {
   const at = handlePlaces(stroke);
   while (handles.children.length > at.length) handles.lastChild.remove();
   while (handles.children.length < at.length) handles.append(newHandle(handles.children.length));
+  let last = [-Infinity, -Infinity];
   at.forEach((want, k) => {
     const [px, py] = pointAt(mark, want);
+    const crowded = zoom * Math.hypot(px - last[0], py - last[1]) < CROWD;
+    if (!crowded) last = [px, py];
+    handles.children[k].classList.toggle("crowded", crowded && handles.children[k] !== document.activeElement);
     const handle = handles.children[k];
     handle.setAttribute("transform", `translate(${zoom * px + x} ${zoom * py + y})`);
     handle.setAttribute("aria-label", `Point ${k + 1} of ${at.length}`);

@@ -3,6 +3,8 @@
 const PATH_SLACK = 0.04; // px a centre line may be off where its attribute leaves points out
 const WIDTH_SLACK = 0.004; // px likewise for widths
 const CLIP_SLACK = 0.5; // px, tolerance of a clip: its edge lies where the texture is clear
+const ALPHAS = 16; // of an image of one ink
+const COLORS = 64; // of another
 const XLINK = "http://www.w3.org/1999/xlink";
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -222,11 +224,12 @@ function greyPng({ rows, columns, alpha }) {
 }
 
 function colorPng({ rows, columns, data }) {
-  const planes = { r: [], g: [], b: [], a: [] };
+  const planes = [0, 1, 2, 3].map(() => new Float32Array(rows * columns));
   for (let c = 0; c < columns; c++) {
     for (let r = 0; r < rows; r++) {
-      const k = 4 * (r * columns + c);
-      [planes.r, planes.g, planes.b, planes.a].forEach((plane, i) => plane.push(data[k + i] / 255));
+      for (let channel = 0; channel < 4; channel++) {
+        planes[channel][c * rows + r] = data[4 * (r * columns + c) + channel] / 255;
+      }
     }
   }
   const { palette, index } = quantised(planes, 255);
@@ -238,21 +241,21 @@ async function writeImage(element, mark, options) {
   const resolution = Number(options.get("texture-res") ?? options.get("texture_res") ?? 2);
   const image = element.querySelector("image");
   const view = { scale: resolution, x: 0, y: 0 };
-  const everywhere = boxOf(mark, view);
-  const made = pixelsOf(mark, view, everywhere);
-  const planes = { r: [], g: [], b: [], a: [] };
-  const at = new Int32Array(made.w * made.h).fill(-1);
-  for (let k = 0; k < made.count; k++) at[made.pixels[k]] = k;
-  for (const pixel of at.keys()) for (const name of "rgba") planes[name].push(at[pixel] < 0 ? 0 : made[name][pixel]);
+  const made = pixelsOf(mark, view, boxOf(mark, view));
   let png;
   if (mark.strip.alpha) {
     const ink = mark.color.slice(0, 3).map((c) => Math.round(255 * c));
-    const count = 16;
-    const index = Uint8Array.from(planes.a, (a) => Math.round(a * (count - 1)));
-    const palette = Array.from({ length: count }, (_, k) => [...ink, Math.round((255 * k) / (count - 1))]);
+    const palette = Array.from({ length: ALPHAS }, (_, k) => [...ink, Math.round((255 * k) / (ALPHAS - 1))]);
+    const index = new Uint8Array(made.w * made.h);
+    for (let k = 0; k < made.count; k++) index[made.pixels[k]] = Math.round(made.a[made.pixels[k]] * (ALPHAS - 1));
     png = await writePng(made.w, made.h, index, palette);
   } else {
-    const { palette, index } = quantised(planes, 64);
+    const planes = ["r", "g", "b", "a"].map((name) => {
+      const plane = new Float32Array(made.w * made.h);
+      for (let k = 0; k < made.count; k++) plane[made.pixels[k]] = made[name][made.pixels[k]];
+      return plane;
+    });
+    const { palette, index } = quantised(planes, COLORS);
     png = await writePng(made.w, made.h, index, palette);
   }
   const box = { x: made.x0, y: made.y0, width: made.w, height: made.h };

@@ -4,6 +4,7 @@
 const STIFFNESS = 0.35; // of a ribbon's half width: sigma of its centre line's smoothing
 const NARROWING = 0.25; // px a px: the most by which a ribbon's half width falls along it
 const THIN = 0.01; // px that a point left out of a ribbon may lie off
+const QUICK = 0.15; // px likewise, while things move
 const SPACING = 3; // px between the points of a line that is edited
 const DENSE = 1; // px between those of a line that is bent by hand
 
@@ -220,21 +221,21 @@ function ribbonOf(line, margin, frame = null, factor = 1, quick = false) {
   const length = along[along.length - 1];
   if (!frame) u = along.map((at) => at / length);
   const band = { x, y, half, u, ratio, along, length, closed };
-  return quick ? band : thinned(band);
+  return thinned(band, quick ? QUICK : THIN);
 }
 
-/** A ribbon without the points that lie between their neighbours anyway: two rounds, every other point each. */
-function thinned(band) {
+/** A ribbon without points that lie within `slack` px between their neighbours anyway: rounds of every other point. */
+function thinned(band, slack) {
   const { x, y, half } = band;
   const keep = new Uint8Array(x.length).fill(1);
-  for (const step of [1, 2]) {
+  for (const step of [1, 2, 4]) {
     for (let i = step; i + step < x.length; i += 2 * step) {
       const [a, b] = [i - step, i + step];
-      if (step > 1 && !(keep[i] && !keep[i - 1] && !keep[i + 1])) continue;
+      if (step > 1 && (keep[i - step / 2] || keep[i + step / 2])) continue;
       const [dx, dy] = [x[b] - x[a], y[b] - y[a]];
       const off = (x[i] - x[a]) * dy - (y[i] - y[a]) * dx;
-      const near = off * off <= THIN * THIN * (dx * dx + dy * dy);
-      if (near && Math.abs(half[i] - (half[a] + half[b]) / 2) <= THIN) keep[i] = 0;
+      const near = off * off <= slack * slack * (dx * dx + dy * dy);
+      if (near && Math.abs(half[i] - (half[a] + half[b]) / 2) <= slack) keep[i] = 0;
     }
   }
   const index = [];

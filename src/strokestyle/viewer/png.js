@@ -61,7 +61,7 @@ async function readPng(bytes) {
 function unfilter(kind, line, above) {
   for (let i = 0; kind && i < line.length; i++) {
     const [a, b, c] = [i ? line[i - 1] : 0, above[i], i ? above[i - 1] : 0];
-    // the pixel before is a byte before: none of ours has more than 8 bits; `above[i - 1]` is the row above, unfiltered
+    // no texture has more than 8 bits a pixel, so that the pixel before is the byte before
     if (kind === 1) line[i] += a;
     else if (kind === 2) line[i] += b;
     else if (kind === 3) line[i] += (a + b) >> 1;
@@ -111,17 +111,21 @@ function pngChunk(name, body) {
   return out;
 }
 
-/** At most `count` straight RGBA colours for premultiplied pixels, and the index of each: {palette, index}. */
-function quantised({ r, g, b, a }, count) {
+/** At most `count` straight RGBA colours for premultiplied pixels, a plane a channel: {palette, index of each}. */
+function quantised([r, g, b, a], count) {
   const cells = new Map(); // pixels alike to 5 bits a channel
   const cellOf = new Int32Array(a.length);
   for (let i = 0; i < a.length; i++) {
-    const key = (((r[i] * 31 + 0.5) | 0) << 15) | (((g[i] * 31 + 0.5) | 0) << 10) | (((b[i] * 31 + 0.5) | 0) << 5) | ((a[i] * 31 + 0.5) | 0);
+    const five = (value) => (value * 31 + 0.5) | 0;
+    const key = (five(r[i]) << 15) | (five(g[i]) << 10) | (five(b[i]) << 5) | five(a[i]);
     let cell = cells.get(key);
     if (!cell) cells.set(key, (cell = { k: cells.size, n: 0, sum: [0, 0, 0, 0] }));
     cellOf[i] = cell.k;
     cell.n++;
-    [r[i], g[i], b[i], a[i]].forEach((value, c) => (cell.sum[c] += value));
+    cell.sum[0] += r[i];
+    cell.sum[1] += g[i];
+    cell.sum[2] += b[i];
+    cell.sum[3] += a[i];
   }
   // median cut: the box with the widest axis, weighted, is halved until there are enough
   const list = Array.from(cells.values(), (cell) => ({ ...cell, mean: cell.sum.map((value) => value / cell.n) }));
