@@ -54,15 +54,16 @@ function simplified(columns, tolerance) {
   const spans = [[0, n - 1]];
   while (spans.length) {
     const [a, b] = spans.pop();
-    const chord = columns.map((c) => c[b] - c[a]);
-    const size = chord.reduce((sum, d) => sum + d * d, 0);
+    let size = 0;
+    for (const c of columns) size += (c[b] - c[a]) ** 2;
     let far = tolerance * tolerance;
     let at = -1;
     for (let i = a + 1; i < b; i++) {
-      const rel = columns.map((c) => c[i] - c[a]);
-      const dot = rel.reduce((sum, d, k) => sum + d * chord[k], 0);
+      let dot = 0;
+      for (const c of columns) dot += (c[i] - c[a]) * (c[b] - c[a]);
       const t = size > 0 ? Math.min(Math.max(dot / size, 0), 1) : 0;
-      const off = rel.reduce((sum, d, k) => sum + (d - t * chord[k]) ** 2, 0);
+      let off = 0;
+      for (const c of columns) off += (c[i] - c[a] - t * (c[b] - c[a])) ** 2;
       if (off > far) [far, at] = [off, i];
     }
     if (at > 0) {
