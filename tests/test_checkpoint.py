@@ -49,6 +49,7 @@ def learn(tmp_path, config, name="model", **options):
         (PAPER, [("geometry", 2), ("texture", 1)]),
         (QUICK, [("trace", 1), ("trace", 7)]),
         (QUICK, [("trace", 12), ("texture", 0)]),
+        (QUICK, [("trace", 3), ("thickness", 5), ("texture", 1)]),
     ],
 )
 def test_interrupted_and_resumed_is_uninterrupted_bit_for_bit(tmp_path, config, stops):
@@ -118,6 +119,20 @@ def test_ctrl_c_waits_for_the_end_of_a_step_and_a_second_one_does_not(tmp_path, 
     again.begin({})
     assert again.load("s")["step"] == 3 and again.load("s")["learned"]["x"] == 3  # half a step is not kept
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_polite_kill_is_as_good_as_ctrl_c(tmp_path):
+    checkpoint, x = Checkpoint(tmp_path / "c"), torch.zeros(1)
+    checkpoint.begin({})
+    with pytest.raises(KeyboardInterrupt), checkpoint.watch("s", 10, {"x": x}, {}) as (remaining, passed):
+        for step in remaining:
+            if step == 4:
+                os.kill(os.getpid(), signal.SIGTERM)
+            x += 1
+            passed()
+    again = Checkpoint(tmp_path / "c", resume=True)
+    again.begin({})
+    assert again.load("s")["step"] == 4 and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
 def test_the_checkpoint_of_another_fit_is_refused(tmp_path):

@@ -104,8 +104,9 @@ class Checkpoint:
     ) -> Iterator[tuple[Iterator[int], Callable[[], None]]]:
         """A stage of `steps` steps, put back to where it stood: the steps still to do, and what to call after each.
 
-        That call is where the state is kept when due. Ctrl-C waits for it (a second one does not), so that what is
-        left on disk is always a state that an undisturbed fit passes through.
+        That call is where the state is kept when due. Ctrl-C and SIGTERM wait for it, and then are a KeyboardInterrupt
+        (a second one does not wait), so that what is left on disk is always a state that an undisturbed fit passes
+        through.
 
         Parameters
         ----------
@@ -157,21 +158,22 @@ class Checkpoint:
 
 
 class _Stop:
-    """Within it the first Ctrl-C only sets `asked`; where this is not ours to change, all stays as it was."""
+    """Within it the first Ctrl-C, or SIGTERM, only sets `asked`; where these are not ours to change, all stays."""
 
     def __init__(self, wanted: bool):
         main = threading.current_thread() is threading.main_thread()
-        self.ours = wanted and main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        plain = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+        self.before = {number: it for number, it in plain.items() if wanted and main and signal.getsignal(number) == it}
         self.asked = False
 
     def __enter__(self) -> _Stop:
-        if self.ours:
-            signal.signal(signal.SIGINT, self._ask)
+        for number in self.before:
+            signal.signal(number, self._ask)
         return self
 
     def __exit__(self, *error) -> None:
-        if self.ours:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number, handler in self.before.items():
+            signal.signal(number, handler)
 
     def _ask(self, number, frame) -> None:
         if self.asked:
