@@ -199,6 +199,20 @@ def test_a_square_is_four_strokes_and_a_zigzag_is_one():
     assert len(draw(zigzag, kind=RIDGE)) == 1
 
 
+@pytest.mark.parametrize(
+    "length, angle, left", [(6, 90, 100), (6, 150, 100), (4, 90, 100), (6, 40, 106), (20, 90, 120)]
+)
+def test_hooks_at_the_ends_go(length, angle, left):
+    t = np.radians(angle)
+    hook = line((200, 100), (200 + length * np.cos(t), 100 + length * np.sin(t)), step=1)[1:]
+    shaft = line((100, 100), (200, 100))
+    for stroke in (np.vstack([shaft, hook]), np.vstack([shaft, hook])[::-1]):
+        out = draw(stroke)
+        assert out.lengths().sum() == pytest.approx(left, abs=3.0)
+        assert len(out) == (2 if length == 20 else 1)
+    assert draw(arc((100, 100), 30, 0, 300)).lengths().sum() == pytest.approx(np.radians(300) * 30, rel=0.01)
+
+
 def test_a_dent_is_no_corner():
     dent = np.array([(200, 100), (204, 103.6), (208, 100)], float)
     out = draw(np.concatenate([line((100, 100), (199, 100)), dent, line((209, 100), (300, 100))]))

@@ -100,6 +100,16 @@ def test_low_poly_shapes_keep_their_edges():
     assert kept == sharp > 0
 
 
+@pytest.mark.parametrize("width, found", [(0.5, True), (0.01, False)])
+def test_a_face_folded_over_is_a_crease_only_where_it_is_long(width, found):
+    """A flap on a square: its outer edge bends by nearly 180 degrees."""
+    square = shapes.plane(2)
+    flap = [[0, 0, 0], [width, 0, 0], [width, 0.02, 0.001], [0, 0.02, 0.001], [0, 0, 0.002], [width, 0, 0.002]]
+    faces = np.array([[0, 1, 2], [0, 2, 3], [3, 2, 5], [3, 5, 4]])
+    surface = make_surface(np.vstack([square.vertices, flap]), np.vstack([square.faces, faces + 4]))
+    assert (drawn(surface)[0] > 0) == found and drawn(surface)[1] > 0
+
+
 def test_nothing_much_is_no_trouble():
     for shape in (shapes.plane(), shapes.moebius(), shapes.sphere(2)):
         surface = make_surface(*shape)

@@ -127,7 +127,8 @@ def tidy(
        length x strength than `soft` px, and once more as much for every `crowd` px of other lines shorter than 30 px
        within 24 px: noise comes in swarms. Anything shorter than `speck` px.
     5. **Split** at corners of more than `corner` degrees within 6 px either side that are no zig-zag (0.75 times that
-       over 12 px), 11 px or more from the ends and from each other. A closed curve with no corner starts at its topmost
+       over 12 px), 11 px or more from the ends and from each other. What turns as much within the last 8 px is a hook,
+       and goes. A closed curve with no corner starts at its topmost
        point (the leftmost of these); one with corners starts and ends at one and is open.
     6. **Smoothed** along the stroke, by no more than `smooth` px, soft lines `smooth_soft` px; ends stay.
 
@@ -165,6 +166,7 @@ def tidy(
     lines = _drop(lines, options)
     lines = _join(lines, options, near=False)
     lines = _split(lines, options.corner, reach=6, apart=11, steady=True)
+    lines = _unhook(lines, options.corner)
     lines = _smooth(lines, options)
     order = np.lexsort((-lines.lengths(), lines.kind))
     lines = lines.take(order)
@@ -505,6 +507,23 @@ def _split(lines: _Lines, corner: float, reach: int, apart: int, steady: bool) -
     rows = order[rows]
     closed = (lines.closed & ~open_again)[parent]
     return _Lines(lines.xy[rows], lines.strength[rows], np.r_[starts, len(rows)], lines.kind[parent], closed)
+
+
+def _unhook(lines: _Lines, corner: float) -> _Lines:
+    """Open curves of 24 px and more without a last bit of up to 8 px that turns by more than `corner` degrees."""
+    count = np.diff(lines.offsets)
+    long = np.flatnonzero(~lines.closed & (count >= 24.0 / STEP))
+    keep = np.ones(len(lines.xy), bool)
+    for tip, inward in ((lines.first[long], 1), (lines.last[long], -1)):
+        sharpest, cut = np.full(len(long), corner), np.zeros(len(long), np.int64)
+        for k in range(2, int(8.0 / STEP) + 1):
+            at = tip + inward * k
+            u, v = lines.xy[at] - lines.xy[at + inward * 6], lines.xy[tip] - lines.xy[at]
+            turn = np.degrees(np.abs(np.arctan2(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], np.einsum("ij,ij->i", u, v))))
+            cut, sharpest = np.where(turn > sharpest, k, cut), np.maximum(turn, sharpest)
+        for k in range(int(cut.max(initial=0))):
+            keep[tip[cut > k] + inward * k] = False
+    return lines if keep.all() else lines.runs(keep)
 
 
 def _turns(lines: _Lines, reach: int) -> np.ndarray:

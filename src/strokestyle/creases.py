@@ -11,7 +11,7 @@ ROUND = 0.3
 SHORT = 0.01  # of the longest side: and so far one between flat sides
 STRAIGHT = 50.0  # degrees: a crease turns less from edge to edge, or ends
 WEAK = 0.7  # of the crease angle: where a crease is followed to
-FOLDED = 150.0  # degrees: a single edge that bends more is a face folded over, a fault of the mesh
+FOLDED = 150.0  # degrees: at an edge that bends more, a face is folded over
 MANY = 64  # sharp edges at one vertex: a fan, and none goes on as another
 
 
@@ -42,7 +42,8 @@ def creases(
     sharp edges of noise and of details too fine for the mesh zigzag, between sides that bend as much. So edges of more
     than WEAK `angle` are chained to the straightest ones that follow them. Of a chain those that exceed `angle` are kept
     where they reach far enough: the farther, the rounder its sides are. Where they make up half of it, all of it is
-    kept, and so is an edge that fills a gap between two such, unless it is FOLDED.
+    kept, and so is an edge that fills a gap between two such. Those that are FOLDED over are faults of the mesh, or the
+    edge of a blade: they must reach LONG.
 
     Parameters
     ----------
@@ -61,17 +62,17 @@ def creases(
     length = np.linalg.norm(along, axis=1)
     along /= np.maximum(length, 1e-30)[:, None]
     chain = _chains(ends[edge], along)
-    strong = bend[edge] > angle
+    strong, folded = bend[edge] > angle, bend[edge] > np.radians(FOLDED)
     reach = np.bincount(chain, length * strong)
     share = reach / np.maximum(np.bincount(chain, length), 1e-30)
     beside = _bend_beside(points, ends, of_side, faces, bend, edge, along)
+    beside = np.where(folded, ROUND * bend[edge], beside)
     roundness = np.bincount(chain, length * beside) / np.maximum(np.bincount(chain, length * bend[edge]), 1e-30)
     good = reach >= np.maximum(LONG * (roundness / ROUND) ** 2, SHORT)
     kept = good[chain] & (strong | (share >= 0.5)[chain])
     met = np.zeros(len(points), bool)
     met[ends[edge[kept]]] = True
-    gap = met[ends[edge]].all(axis=1) & (bend[edge] < np.radians(FOLDED))
-    out[edge[kept | gap]] = True
+    out[edge[kept | (met[ends[edge]].all(axis=1) & ~folded)]] = True
     return out
 
 
@@ -114,5 +115,6 @@ def _bend_beside(points, ends, of_side, faces, bend, edge, along) -> np.ndarray:
             direction = points[ends[other, 1]] - points[ends[other, 0]]
             direction /= np.maximum(np.linalg.norm(direction, axis=1), 1e-30)[:, None]
             about = bend[other] * np.abs(np.einsum("ij,ij->i", direction, along))
-            most = np.maximum(most, np.where((other == edge) | (face < 0), 0.0, about))
+            nothing = (other == edge) | (face < 0) | (bend[other] > np.radians(FOLDED))
+            most = np.maximum(most, np.where(nothing, 0.0, about))
     return most
