@@ -40,10 +40,10 @@ def creases(
 
     A true crease goes on from edge to edge without turning much, and lies between sides that are flat next to it; the
     sharp edges of noise and of details too fine for the mesh zigzag, between sides that bend as much. So edges of more
-    than WEAK `angle` are chained to the straightest ones that follow them. Of a chain those that exceed `angle` are kept
-    where they reach far enough: the farther, the rounder its sides are. Where they make up half of it, all of it is
-    kept, and so is an edge that fills a gap between two such. Those that are FOLDED over are faults of the mesh, or the
-    edge of a blade: they must reach LONG.
+    than WEAK `angle` are chained to the straightest ones that follow them. Of a chain those that exceed `angle` are
+    kept where they reach far enough: the farther, the rounder its sides are. Where they make up half of it, all of it
+    is kept, and so is an edge that fills a gap between two such. Those that are FOLDED over are faults of the mesh, or
+    the edge of a blade: they must reach LONG.
 
     Parameters
     ----------
