@@ -18,7 +18,7 @@ ONE_INK = 1.5 / 255  # rms; colours nearer than this to the stroke's ink need no
 SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
 LARGE = 250_000  # texels of a drawing; beyond it grain is kept in GRAIN_LEVELS of opacity, else in LEVELS
 LEVELS, GRAIN_LEVELS, COLORS = 16, 8, 16  # what 4 bits a texel hold
-MAX_TEXELS = 4_000_000  # of a strip
+MAX_TEXELS = 2_000_000  # of a strip
 MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
 
 
@@ -50,15 +50,15 @@ def strips_png(drawing: Drawing, index=None) -> list[bytes]:
     return made
 
 
-def read_strip(data: bytes, ink: np.ndarray) -> np.ndarray:
+def read_strip(data: bytes, ink: np.ndarray, most: int = MAX_TEXELS) -> np.ndarray:
     """A strip (n, A, 4) uint8 from its PNG; `ink` (3,) in [0, 1] is the colour of a grey one.
 
-    Raises ValueError on what is no PNG, is damaged, or has more than MAX_TEXELS.
+    Raises ValueError on what is no PNG, is damaged, or has more than `most` texels.
     """
     if len(data) < 33 or not data.startswith(b"\x89PNG\r\n\x1a\n") or data[12:16] != b"IHDR":
         raise ValueError("its texture is no PNG")
     width, height = struct.unpack(">II", data[16:24])
-    if not 0 < width * height <= MAX_TEXELS:  # before anything is unpacked
+    if not 0 < width * height <= most:  # before anything is unpacked
         raise ValueError(f"its texture of {width} x {height} texels is too large")
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as image:

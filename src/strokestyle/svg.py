@@ -23,7 +23,7 @@ from .strips import strips_png
 from .strokes import Drawing, paint_order
 from .svg_page import SvgOptions, document, layer
 from .svg_read import CLIP, digest, read
-from .svg_syntax import landmarks
+from .svg_syntax import first_line, landmarks
 from .svg_text import element, hex_color, number, numbers, polyline_path, rings_path, units
 
 PATH_SLACK = 0.04  # px a centre line may be off where data-ss-path leaves points out
@@ -227,7 +227,8 @@ def _data(drawing: Drawing, i: int, decimals: int) -> dict[str, str]:
 def marks(shape: str | np.ndarray) -> dict[str, str]:
     """`data-ss-at` of path data, or of the corners (4, 2) of an image: where a stroke's first shape is."""
     try:
-        x, y = (numbers(units(column, 2), 2) for column in landmarks(shape).T)
+        at = landmarks(first_line(shape)) if isinstance(shape, str) else shape
     except ValueError:  # nothing is drawn
         return {}
+    x, y = (numbers(units(column, 2), 2) for column in at.T)
     return {"data-ss-at": " ".join(f"{a},{b}" for a, b in zip(x, y, strict=True))}

@@ -7,7 +7,7 @@ import binascii
 import hashlib
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from . import svg_syntax as limits
 from .curve_files import kind_named
 from .curves import KINDS, arc_length
 from .ribbons import ribbon, strip_points
+from .strips import MAX_TEXELS as STRIP_TEXELS
 from .strips import read_strip, wider
 from .strokes import MAX_MARGIN, Drawing, Strokes, Texture, signed_distance
 from .svg_page import FORMAT, LICENSES, SvgOptions
@@ -27,7 +28,10 @@ from .svg_syntax import (
     Walker,
     compose,
     css_property,
+    fine_line,
+    first_line,
     flatten,
+    landmarks,
     length,
     limited,
     moved_by,
@@ -40,7 +44,8 @@ from .svg_syntax import (
 )
 
 MAX_STROKES = 20_000
-MAX_TEXELS = 50_000_000  # of a drawing
+MAX_TEXELS = 16_000_000  # of a drawing
+MAX_PATH = 1_000_000  # characters of a centre line, or of its widths
 MAX_PLACE = 1e6  # px from the canvas's origin, and the largest canvas
 CHORD = 0.05  # px between a curved centre line and its chords
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
@@ -292,10 +297,12 @@ class _Reader:
                 "other programs' curves are drawn with --curves"
             )
         size, origin = self._canvas()
-        lines = []
+        lines, names, texels = [], [], MAX_TEXELS
         for found in self.strokes:
             try:
-                lines.append(_line(found, origin, self.data))
+                lines += _lines(found, origin, self.data, texels)
+                names += [found.name] * (len(lines) - len(names))
+                texels -= 0 if lines[-1].strip is None else lines[-1].strip[..., 0].size
             except ValueError as error:
                 which = f' id="{quoted(found.name)}"' if found.name else ""
                 raise ValueError(f"line {found.line}, stroke{which}: {error}") from None
@@ -303,7 +310,7 @@ class _Reader:
         drawing = _drawing(lines, size)
         art = {digest(drawing, i, options): line.art for i, line in enumerate(lines) if line.art is not None}
         drawing = Drawing(drawing.strokes, size, drawing.color, drawing.texture, art)
-        return SvgFile(drawing, tuple(found.name for found in self.strokes), options, self.hidden, self.others)
+        return SvgFile(drawing, tuple(names), options, self.hidden, self.others)
 
     def _canvas(self) -> tuple[tuple[int, int], tuple[float, float]]:
         """Size of the canvas and where it begins in user units: as written, or what somebody made of the page since."""
@@ -338,42 +345,45 @@ class _Reader:
 # --------------------------------------------------------------------------------------------------------- a stroke
 
 
-def _line(found: _Found, origin: tuple[float, float], data: bytes) -> _Line:
+def _lines(found: _Found, origin: tuple[float, float], data: bytes, texels: int = MAX_TEXELS) -> list[_Line]:
+    """The stroke, and copies of it that are merged with it."""
     attributes, state = found.attributes, found.state
     closed = attributes.get("data-ss-closed", "") == "1"
     xy = _centre(attributes["data-ss-path"], closed)
     xy, width = _widths(xy, attributes.get("data-ss-width", "1"))
-    matrix = state.matrix
-    if "data-ss-at" in attributes and (baked := _baked(attributes["data-ss-at"], found.first)) is not None:
-        matrix = compose(matrix, baked)
-    art = None
-    if found.alone and matrix == IDENTITY and state.opacity == 1.0:
-        art = _art(data, found)
-    matrix = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), matrix)
-    if matrix != IDENTITY:
-        xy = transformed(matrix, xy)
-    if not np.abs(xy).max() <= MAX_PLACE:
-        raise ValueError(f"a point {np.abs(xy).max():.3g} px away is too far to be a place in a drawing")
-    det = matrix[0] * matrix[3] - matrix[1] * matrix[2]
-    scale = 1.0 if abs(abs(det) - 1.0) < 1e-12 else math.sqrt(abs(det))
-    width = width * scale
-    if not width.max() <= MAX_PLACE:
-        raise ValueError(f"a width of {width.max():.3g} px is too large")
     color = np.array([*_rgb(state.fill), state.fill_opacity * state.opacity])
     if state.fill == "none":
         color[3] = 0.0
     strip, margin = None, 0.0
     if "data-ss-texture" in attributes:
-        strip = read_strip(_base64(attributes["data-ss-texture"]), color[:3])
-        if det < 0:
-            strip = strip[:, ::-1]
+        strip = read_strip(_base64(attributes["data-ss-texture"]), color[:3], min(texels, STRIP_TEXELS))
         if state.opacity < 1:
             strip = np.concatenate([strip[..., :3], np.rint(strip[..., 3:] * state.opacity).astype(np.uint8)], axis=2)
-        margin = _one_number(attributes.get("data-ss-margin", "0"), "data-ss-margin") * scale
-        if not 0 <= margin <= MAX_MARGIN:
-            raise ValueError(f"data-ss-margin of {margin:g} px must lie between 0 and {MAX_MARGIN:g}")
+        margin = _one_number(attributes.get("data-ss-margin", "0"), "data-ss-margin")
     kind = kind_named(attributes.get("data-ss-class", ""))
-    return _Line(xy, width, closed, KINDS.index("other") if kind is None else kind, color, strip, margin, art)
+    moves = _baked(found, closed)
+    art = None
+    if found.alone and state.matrix == IDENTITY and state.opacity == 1.0 and moves == [IDENTITY]:
+        art = _art(data, found)
+    line = _Line(xy, width, closed, KINDS.index("other") if kind is None else kind, color, strip, margin, art)
+    home = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), state.matrix)
+    return [_moved(line, compose(home, move)) for move in moves]
+
+
+def _moved(line: _Line, matrix: Affine) -> _Line:
+    """The stroke where a transform takes it. Raises ValueError where that is no place in a drawing."""
+    xy = line.xy if matrix == IDENTITY else transformed(matrix, line.xy)
+    det = matrix[0] * matrix[3] - matrix[1] * matrix[2]
+    scale = 1.0 if abs(abs(det) - 1.0) < 1e-12 else math.sqrt(abs(det))
+    width, margin = line.width * scale, line.margin * scale
+    if not np.abs(xy).max() <= MAX_PLACE:
+        raise ValueError(f"a point {np.abs(xy).max():.3g} px away is too far to be a place in a drawing")
+    if not width.max() <= MAX_PLACE:
+        raise ValueError(f"a width of {width.max():.3g} px is too large")
+    if not 0 <= margin <= MAX_MARGIN:
+        raise ValueError(f"data-ss-margin of {margin:g} px must lie between 0 and {MAX_MARGIN:g}")
+    strip = line.strip if line.strip is None or det >= 0 else line.strip[:, ::-1]
+    return replace(line, xy=xy, width=width, margin=margin, strip=strip)
 
 
 _NUMBERS = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
@@ -382,8 +392,8 @@ _POLYLINE = re.compile(r"\s*M([^A-Za-z]*)l([^A-Za-z]*)")
 
 def _centre(path: str, closed: bool) -> np.ndarray:
     """The points (n, 2) of a centre line, n >= 2; a closed one ends where it begins."""
-    if len(path) > limits.MAX_TEXT:
-        raise ValueError(f"data-ss-path has more than {limits.MAX_TEXT} characters")
+    if len(path) > MAX_PATH:
+        raise ValueError(f"data-ss-path has more than {MAX_PATH} characters")
     match = _POLYLINE.fullmatch(path)
     if match and not re.sub(r"[\s,]+", "", _NUMBERS.sub("", match[1] + " " + match[2])):  # as we write it
         head, steps = (np.array(_NUMBERS.findall(part), np.float64) for part in match.groups())
@@ -412,6 +422,8 @@ def _centre(path: str, closed: bool) -> np.ndarray:
 
 def _widths(xy: np.ndarray, text: str) -> tuple[np.ndarray, np.ndarray]:
     """Points and the width at each; where widths are given by arc length, points are added that hold them."""
+    if len(text) > MAX_PATH:
+        raise ValueError(f"data-ss-width has more than {MAX_PATH} characters")
     try:
         if "," not in text:
             width = np.array(text.split(), np.float64)
@@ -444,23 +456,33 @@ def _at_knots(xy, t, knots):
     return xy, np.interp(place, t, knots)
 
 
-def _baked(text: str, first) -> Affine | None:
-    """The transform that another program wrote into the coordinates of a stroke's first shape; None where none."""
+def _baked(found: _Found, closed: bool) -> list[Affine]:
+    """The transforms that other programs wrote into the coordinates of a stroke's first shape.
+
+    One; more where svgo merged a stroke of flat ink with its moved copies, whose attributes are the same.
+    """
+    if "data-ss-at" not in found.attributes or found.first is None:
+        return [IDENTITY]
+    tag, attributes = found.first
     try:
-        at = np.array([pair.split(",") for pair in text.split()], np.float64)
+        then = np.array([pair.split(",") for pair in found.attributes["data-ss-at"].split()], np.float64)
+        if then.shape != (4, 2) or not (np.abs(then) <= MAX_PLACE).all():
+            return [IDENTITY]
+        if tag == "image":
+            x, y, w, h = (length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height"))
+            now = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+            return [moved_by(then, now) or IDENTITY]
+        d, rings = attributes.get("d", ""), 2 if closed else 1  # in an outline
+        if attributes is found.attributes and rings < len(re.findall("[Mm]", d)) <= 100 * rings:
+            lines = [fine_line(subpath) for subpath in parse_path(d)[::rings]]
+        else:
+            lines = [first_line(d)]
+        moves = [moved_by(then, landmarks(line), line) for line in lines]
+        if len(moves) > 1 and None in moves:
+            moves = moves[:1]
+        return [move or IDENTITY for move in moves]
     except ValueError:
-        return None
-    if at.shape != (4, 2) or not (np.abs(at) <= MAX_PLACE).all() or first is None:
-        return None
-    tag, attributes = first
-    try:
-        if tag == "path":
-            return moved_by(at, attributes.get("d", ""))
-        x, y, w, h = (length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height"))
-        box = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
-        return moved_by(at, box)
-    except ValueError:
-        return None
+        return [IDENTITY]
 
 
 def _art(data: bytes, found: _Found) -> tuple[str, str] | None:

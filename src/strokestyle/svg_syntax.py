@@ -16,7 +16,7 @@ import numpy as np
 
 MAX_BYTES = 64 * 2**20  # of a file, an .svgz's once decompressed
 MAX_POINTS = 500_000
-MAX_ELEMENTS = 200_000
+MAX_ELEMENTS = 100_000
 MAX_DEPTH = 256  # of elements inside one another
 MAX_TEXT = 16 * 2**20  # characters of one path
 MAX_NUMBER = 1e12  # larger ones are mistakes, and their products leave the range of a float
@@ -352,44 +352,38 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[list[Segme
     return subpaths
 
 
-def landmarks(shape: str | np.ndarray) -> np.ndarray:
-    """The points (4, 2) at 0, 1/4, 1/2 and 3/4 of the length of path data's first subpath; of corners (4, 2), these."""
-    return shape if isinstance(shape, np.ndarray) else _quarters(_first_subpath(shape))
-
-
-def _first_subpath(d: str) -> np.ndarray:
-    """Path data's first subpath as a fine polyline (n, 2)."""
+def first_line(d: str) -> np.ndarray:
+    """Path data's first subpath as a fine polyline (n, 2). Raises ValueError where it draws nothing."""
     match = re.match(rf"[{SPACE}]*[Mm][^MmZz]*[Zz]?", d)
     subpaths = parse_path(match[0] if match else "")
     if not subpaths:
-        raise ValueError("a path that draws nothing has no landmarks")
-    p = np.array(subpaths[0]).reshape(-1, 4, 2)
+        raise ValueError("a path that draws nothing")
+    return fine_line(subpaths[0])
+
+
+def fine_line(segments: list[Segment]) -> np.ndarray:
+    """A subpath as a polyline (n, 2) of eight pieces a segment."""
+    p = np.array(segments).reshape(-1, 1, 4, 2)
     t = (np.arange(8) + 1)[:, None] / 8
     s = 1 - t
-    xy = (
-        s**3 * p[:, None, 0] + 3 * s**2 * t * p[:, None, 1] + 3 * s * t**2 * p[:, None, 2] + t**3 * p[:, None, 3]
-    ).reshape(-1, 2)
-    return np.concatenate([p[:1, 0], xy])
+    xy = s**3 * p[:, :, 0] + 3 * s**2 * t * p[:, :, 1] + 3 * s * t**2 * p[:, :, 2] + t**3 * p[:, :, 3]
+    return np.concatenate([p[0, :, 0], xy.reshape(-1, 2)])
 
 
-def _quarters(xy: np.ndarray, measured: np.ndarray | None = None) -> np.ndarray:
-    """The points of a polyline at quarters of its length; of its length as another polyline, where `measured`."""
-    step = np.diff(xy if measured is None else measured, axis=0)
+def landmarks(line: np.ndarray, measured: np.ndarray | None = None) -> np.ndarray:
+    """The points (4, 2) at 0, 1/4, 1/2 and 3/4 of a polyline's length; of the length of another one, `measured`."""
+    step = np.diff(line if measured is None else measured, axis=0)
     along = np.r_[0.0, np.cumsum(np.hypot(step[:, 0], step[:, 1]))]
     at = along[-1] * np.array([0.0, 0.25, 0.5, 0.75])
-    return np.stack([np.interp(at, along, column) for column in xy.T], axis=1)
+    return np.stack([np.interp(at, along, column) for column in line.T], axis=1)
 
 
-def moved_by(landmarks_then: np.ndarray, shape: str | np.ndarray, slack: float = 0.05) -> Affine | None:
-    """The transform that took a shape from where its landmarks (4, 2) were to where it is; None: it was edited.
+def moved_by(then: np.ndarray, now: np.ndarray, line: np.ndarray | None = None, slack: float = 0.05) -> Affine | None:
+    """The transform that took a shape from where its landmarks (4, 2) were to where they are; None: it was edited.
 
-    The simplest that explains it within `slack` px, or that share of how far the landmarks lie apart: none, a
-    translation, a similarity, any affine map. Lengths do not keep their proportions under the last, so they are
-    measured where the shape came from.
+    The simplest that explains them within `slack` px: none, a translation, a similarity, any affine map. The last does
+    not keep a line's proportions, so its landmarks are those of the `line` (n, 2) measured where it came from.
     """
-    then = landmarks_then
-    xy = shape if isinstance(shape, np.ndarray) else _first_subpath(shape)
-    now = landmarks(xy) if xy is shape else _quarters(xy)
     if np.abs(now - then).max() <= slack:
         return IDENTITY
     shift = (now - then).mean(axis=0)
@@ -406,14 +400,13 @@ def moved_by(landmarks_then: np.ndarray, shape: str | np.ndarray, slack: float =
     full = np.concatenate([then, np.ones((4, 1))], axis=1)
     for _ in range(30):
         solved = np.linalg.lstsq(full, now, rcond=None)[0]  # (3, 2)
-        error = np.abs(full @ solved - now).max()
         if abs(np.linalg.det(solved[:2])) < 1e-9:
             return None
-        if error <= slack * max(1.0, np.abs(solved[:2]).max()):
+        if np.abs(full @ solved - now).max() <= slack * max(1.0, np.abs(solved[:2]).max()):
             return tuple(float(v) for v in (*solved[0], *solved[1], *solved[2]))
-        if xy is shape:
+        if line is None:
             return None
-        now = _quarters(xy, (xy - solved[2]) @ np.linalg.inv(solved[:2]))
+        now = landmarks(line, (line - solved[2]) @ np.linalg.inv(solved[:2]))
     return None
 
 
