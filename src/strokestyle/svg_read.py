@@ -154,9 +154,9 @@ class _State:
     fill_opacity: float = 1.0
     opacity: float = 1.0
     visible: bool = True
+    gone: bool = False  # by display: none, which nothing inside can take back
     drawn: bool = True
     stroke: _Found | None = None
-    root: bool = False
 
 
 @dataclass
@@ -203,7 +203,7 @@ class _Reader:
         if not self.stack:
             self.root = attributes
             self._check_version(attributes)
-            self.stack.append(self._inner(_State(), attributes, root=True))
+            self.stack.append(self._inner(_State(), attributes))
             return
         above = self.stack[-1]
         if (namespace, tag) == (CC[0], "license") or (namespace, tag) == (CC[1], "license"):
@@ -219,7 +219,7 @@ class _Reader:
             return
         ours = "data-ss-path" in attributes and tag in (*GROUPS, *SHAPES)
         state = self._inner(above, attributes)
-        if ours and state.drawn and state.visible:
+        if ours and state.visible and not state.gone:
             if len(self.strokes) >= MAX_STROKES:
                 raise ValueError(f"more than {MAX_STROKES} strokes: simplify the drawing first")
             alone = above.matrix == IDENTITY and above.opacity == above.fill_opacity == 1.0
@@ -239,7 +239,7 @@ class _Reader:
             state.drawn = False
         elif tag not in GROUPS:
             paper = attributes.get("id") == "paper" or "data-ss-hidden" in attributes
-            if tag in SHAPES and state.drawn and state.visible and not paper:
+            if tag in SHAPES and state.visible and not (state.gone or paper):
                 self.others += 1
             state.drawn = False
         self.stack.append(state)
@@ -267,7 +267,7 @@ class _Reader:
                 f"written by a newer strokestyle (format {version}, this reads {FORMAT}): update strokestyle"
             )
 
-    def _inner(self, above: _State, attributes, root: bool = False) -> _State:
+    def _inner(self, above: _State, attributes) -> _State:
         style = attributes.get("style", "")
 
         def given(name):
@@ -284,8 +284,7 @@ class _Reader:
             fill_opacity=_share(given("fill-opacity"), above.fill_opacity),
             opacity=above.opacity * _share(given("opacity"), 1.0),
             visible=above.visible if visibility in ("", "inherit") else visibility == "visible",
-            drawn=given("display") != "none",
-            root=root,
+            gone=above.gone or given("display") == "none",
         )
 
     # ------------------------------------------------------------------------------------------------ the drawing
@@ -429,6 +428,8 @@ def _widths(xy: np.ndarray, text: str) -> tuple[np.ndarray, np.ndarray]:
             width = np.array(text.split(), np.float64)
             if len(width) == 1:
                 width = np.repeat(width, len(xy))
+            if len(width) == len(xy) - 1 and (xy[0] == xy[-1]).all():  # of a ring, without the point it repeats
+                width = np.r_[width, width[:1]]
             if len(width) != len(xy):
                 raise ValueError(f"data-ss-width has {len(width)} widths for {len(xy)} points")
         else:

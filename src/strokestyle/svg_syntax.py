@@ -398,16 +398,18 @@ def moved_by(then: np.ndarray, now: np.ndarray, line: np.ndarray | None = None, 
             x, y = turn.real, turn.imag
             return (x, y, -y * mirror, x * mirror, place.real, place.imag)
     full = np.concatenate([then, np.ones((4, 1))], axis=1)
-    for _ in range(30):
+    for _ in range(60):
         solved = np.linalg.lstsq(full, now, rcond=None)[0]  # (3, 2)
         if abs(np.linalg.det(solved[:2])) < 1e-9:
             return None
-        if np.abs(full @ solved - now).max() <= slack * max(1.0, np.abs(solved[:2]).max()):
-            return tuple(float(v) for v in (*solved[0], *solved[1], *solved[2]))
         if line is None:
-            return None
-        now = landmarks(line, (line - solved[2]) @ np.linalg.inv(solved[:2]))
-    return None
+            break
+        before, now = now, landmarks(line, (line - solved[2]) @ np.linalg.inv(solved[:2]))
+        if np.abs(now - before).max() < 1e-3:
+            break
+    if np.abs(full @ solved - now).max() > slack * max(1.0, np.abs(solved[:2]).max()):
+        return None
+    return tuple(float(v) for v in (*solved[0], *solved[1], *solved[2]))
 
 
 def _reflected(control, command: str, x: float, y: float) -> tuple[float, float]:
