@@ -198,6 +198,8 @@ def separate(sheet: np.ndarray, transparent: bool = False, name: str = "drawing"
         ink = rgb
     else:
         ink = np.clip(paper + (rgb - paper) / np.maximum(alpha, 1e-3)[..., None], 0, 1)
+        if mean_paper.mean() >= 0.5:  # taken for white paper in its light, which fell on the ink as well
+            ink = np.clip(ink / np.maximum(paper, 1e-3), 0, 1)
     ink = _steady_ink(ink, alpha)
     laid = alpha[..., None] * ink + (1.0 - alpha[..., None])
     return Exemplar(laid, alpha, ink, stroke_mask(alpha), mean_paper)
