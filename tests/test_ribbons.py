@@ -16,8 +16,8 @@ def test_strip_points_and_pixels_are_inverse():
     at = strip_points(band, 50, 9)
     crop = crop_of(band.xy, band.half, (220, 160))
     u, v = np.full(crop.w * crop.h, np.nan), np.full(crop.w * crop.h, np.nan)
-    for pixel, pu, pv in ribbon_coordinates(band, crop):
-        u[pixel], v[pixel] = pu, pv
+    found = ribbon_coordinates([band], [crop])
+    u[found.pixel], v[found.pixel] = found.u, found.v
     pixel = np.floor(at).astype(int) - [crop.x0, crop.y0]
     index = (pixel[..., 1] * crop.w + pixel[..., 0])[2:-2, 1:-1]
     rows, columns = np.meshgrid((np.arange(50) + 0.5) / 50, (2 * np.arange(9) + 1.0) / 9 - 1, indexing="ij")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from .ribbons import Ribbon, ribbon, sample_strip
+from .ribbons import Ribbon, ribbon, sample_strips
 from .strokes import Drawing, Strokes, cone_distance, distinct, paint_order, segments
+
+BATCH = 5e5  # pixels looked at together: what fits into a cache
 
 
 @dataclass(frozen=True)
@@ -109,63 +112,171 @@ def _arms(xy):
     return list(zip(cuts[:-1], cuts[1:], strict=True))
 
 
-def ribbon_coordinates(band: Ribbon, crop: Crop) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """(pixel, u, v) of a ribbon's pixels, one entry for every arm of the ribbon that does not overlap itself.
+@dataclass(frozen=True)
+class RibbonPixels:
+    """The pixels of some ribbons: `ribbon` (M,) whose it is, `pixel` (M,) its index in that ribbon's crop, flattened,
+    `u` (M,) in [0, 1] along the ribbon, `v` (M,) in [-1, 1] across it, and `arm` (M,): a pixel is listed once for every
+    arm of its ribbon that covers it, and an arm does not overlap itself."""
 
-    `pixel` (M,) indexes the flattened crop, u (M,) in [0, 1] runs along the ribbon, v (M,) in [-1, 1] across it. A
-    pixel takes the closest point of the arm. Where arms meet, a pixel that only reaches an arm's cut end goes to the
+    ribbon: np.ndarray
+    pixel: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    arm: np.ndarray
+
+
+def ribbon_coordinates(bands: list[Ribbon], crops: list[Crop]) -> RibbonPixels:
+    """u and v of the pixels of ribbons.
+
+    A pixel takes the closest point of the arm. Where arms meet, a pixel that only reaches an arm's cut end goes to the
     other.
     """
-    xy, half, along = _short_steps(band.xy, band.half, band.along)
-    entries, spare, taken = [], [], np.zeros(crop.w * crop.h, bool)
-    for a, b in _arms(xy):
-        p, h, s = xy[a : b + 1], half[a : b + 1], along[a : b + 1]
-        k, pixel, at = _near_pairs(p, h, crop)
-        length, direction, h0, slope = (value[k] for value in segments(p, h, np.arange(len(p) - 1)))
-        rel = at - p[k]
-        x = rel[:, 0] * direction[:, 0] + rel[:, 1] * direction[:, 1]
-        y = rel[:, 1] * direction[:, 0] - rel[:, 0] * direction[:, 1]
-        foot = np.clip(x, 0.0, length)
-        distance = np.hypot(x - foot, y)
-        v = np.where(y < 0, -distance, distance) / np.maximum(h0 - slope * foot, 1e-9)
-        before, past = (x < 0) & (k == 0), (x > length) & (k == len(p) - 2)
-        near = np.abs(v) <= 1.0
-        if not band.closed:
-            near &= ~(before & (a == 0)) & ~(past & (b == len(xy) - 1))
-        past |= before
-        k, pixel, v, distance, past = k[near], pixel[near], v[near], distance[near], past[near]
-        u = (s[k] + foot[near]) / band.length
-        best = np.full(crop.w * crop.h, np.inf)
-        np.minimum.at(best, pixel, distance)
-        first = np.flatnonzero(distance == best[pixel])
-        pick = np.full(crop.w * crop.h, -1)
-        pick[pixel[first]] = first
-        pick = pick[pick >= 0]
-        inner, rest = pick[~past[pick]], pick[past[pick]]
-        taken[pixel[inner]] = True
-        entries.append((pixel[inner], u[inner], v[inner]))
-        spare.append((pixel[rest], u[rest], v[rest]))
-    return entries + [tuple(value[~taken[pixel]] for value in (pixel, u, v)) for pixel, u, v in spare if len(pixel)]
+    pieces, arms = [], []  # segments of all arms; ribbon, number within it and crop of each arm
+    for number, (band, crop) in enumerate(zip(bands, crops, strict=True)):
+        xy, half, along = _short_steps(band.xy, band.half, band.along)
+        d = np.diff(xy, axis=0)
+        heading = np.arctan2(d[:, 1], d[:, 0])
+        # round a point's outer side pixels lie behind the segment before it or ahead of the one after it
+        bend = np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi)
+        overhang = np.where(bend < 0.5 * np.pi, np.sin(bend), 1.0)
+        for k, (a, b) in enumerate(_arms(xy)):
+            cut = np.array([band.closed or a > 0, band.closed or b < len(xy) - 1], float)
+            table = np.empty((b - a, 12))
+            table[:, 0:2], table[:, 2:4] = xy[a:b], d[a:b]
+            table[:, 4], table[:, 5], table[:, 6] = half[a:b], half[a + 1 : b + 1], along[a:b] / band.length
+            table[:, 7] = along[a + 1 : b + 1] / band.length - table[:, 6]
+            table[:, 8], table[:, 9] = np.r_[cut[0], overhang[a : b - 1]], np.r_[overhang[a : b - 1], cut[1]]
+            table[:, 10], table[:, 11] = np.arange(b - a) == 0, np.arange(b - a) == b - a - 1
+            pieces.append(table)
+            arms.append((number, k, cut, crop_of(xy[a : b + 1], half[a : b + 1], (crop.x0 + crop.w, crop.y0 + crop.h))))
+    table = np.concatenate(pieces) if pieces else np.zeros((0, 12))
+    arm = np.repeat(np.arange(len(arms)), [len(piece) for piece in pieces])
+    boxes = np.array([[c.x0, c.y0, c.w, c.h] for _, _, _, c in arms], np.int64).reshape(-1, 4)
+    cuts = np.array([cut for _, _, cut, _ in arms], bool).reshape(-1, 2)
+    length = np.hypot(table[:, 2], table[:, 3])
+    direction = table[:, 2:4] / length[:, None]
+    h0, h1 = table[:, 4], table[:, 5]
+    wide = np.maximum(h0, h1)
+    k, x, y = _slabs(table[:, :2], direction, length, wide, table[:, 8:10] * wide[:, None], boxes[arm])
+    px, py = x + 0.5 - table[k, 0], y + 0.5 - table[k, 1]
+    ahead, aside = px * direction[k, 0] + py * direction[k, 1], py * direction[k, 0] - px * direction[k, 1]
+    foot = np.clip(ahead, 0.0, length[k])
+    distance = np.hypot(ahead - foot, aside)
+    near = distance <= h0[k] + ((h1 - h0) / length)[k] * foot
+    before, past = (ahead < 0) & (table[k, 10] > 0), (ahead > length[k]) & (table[k, 11] > 0)
+    owner = arm[k]
+    near &= ~(before & ~cuts[owner, 0]) & ~(past & ~cuts[owner, 1])
+    near = np.flatnonzero(near)
+    k, x, y, foot, distance, owner = k[near], x[near], y[near], foot[near], distance[near], owner[near]
+    spare = (before | past)[near]
+    # the closest point of each arm
+    base = np.r_[0, np.cumsum(boxes[:, 2] * boxes[:, 3])]
+    cell = base[owner] + (y - boxes[owner, 1]) * boxes[owner, 2] + x - boxes[owner, 0]
+    best = np.full(base[-1], np.inf, np.float32)
+    distance = distance.astype(np.float32)
+    np.minimum.at(best, cell, distance)
+    first = np.flatnonzero(distance == best[cell])
+    pick = np.full(base[-1], -1, np.int32)
+    pick[cell[first]] = first
+    pick = pick[pick >= 0]
+    # a pixel that only reaches a cut end is spare: it counts where no other arm has it
+    number = np.array([a for a, _, _, _ in arms], np.int64)
+    owner, spare = owner[pick], spare[pick]
+    mine = number[owner]
+    frames = np.array([[c.x0, c.y0, c.w, c.h] for c in crops], np.int64).reshape(-1, 4)
+    pixel = (y[pick] - frames[mine, 1]) * frames[mine, 2] + x[pick] - frames[mine, 0]
+    base = np.r_[0, np.cumsum(frames[:, 2] * frames[:, 3])]
+    taken = np.zeros(base[-1], bool)
+    taken[(base[mine] + pixel)[~spare]] = True
+    keep = np.flatnonzero(~spare | ~taken[base[mine] + pixel])
+    pick, owner, mine, pixel = pick[keep], owner[keep], mine[keep], pixel[keep]
+    k, foot = k[pick], foot[pick]
+    part = foot / length[k]
+    side = (y[pick] + 0.5 - table[k, 1]) * direction[k, 0] - (x[pick] + 0.5 - table[k, 0]) * direction[k, 1]
+    v = np.where(side < 0, -distance[pick], distance[pick]) / np.maximum(h0[k] + (h1 - h0)[k] * part, 1e-9)
+    place = np.array([a for _, a, _, _ in arms], np.int64)
+    return RibbonPixels(mine, pixel, table[k, 6] + table[k, 7] * part, v, place[owner])
 
 
-def stroke_pixels(drawing: Drawing, i: int, scale: float = 1.0, texture: bool = True) -> tuple[Crop, np.ndarray]:
-    """Stroke i alone on a canvas of `scale` times the drawing's size: (crop, (h, w, 4) float32 premultiplied)."""
+def _slabs(start, direction, length, half, overhang, box):
+    """Every pixel whose centre lies in an oriented rectangle: rectangle (P,), x (P,), y (P,).
+
+    Rectangles begin at `start` (K, 2), run `length` (K,) along `direction` (K, 2) and reach `half` (K,) to both sides
+    and `overhang` (K, 2) beyond both ends; pixels are cut to `box` (K, 4): x0, y0, w, h.
+    """
+    reach = 0.5 * (length + overhang.sum(axis=1)) + 1e-6
+    middle = start + (0.5 * (length + overhang[:, 1] - overhang[:, 0]))[:, None] * direction
+    dx, dy = direction.T
+    tall = reach * np.abs(dy) + half * np.abs(dx)
+    top = np.clip(np.ceil(middle[:, 1] - tall - 0.5), box[:, 1], box[:, 1] + box[:, 3]).astype(np.int64)
+    end = np.clip(np.floor(middle[:, 1] + tall - 0.5) + 1, box[:, 1], box[:, 1] + box[:, 3]).astype(np.int64)
+    count = np.maximum(end - top, 0)
+    k = np.repeat(np.arange(len(count)), count)
+    y = np.arange(len(k)) - np.repeat(np.cumsum(count) - count, count) + top[k]
+    rise = y + 0.5 - middle[k, 1]
+    # |x dx + rise dy| <= reach and |rise dx - x dy| <= half, for x from the middle
+    safe_x, safe_y = (np.where(np.abs(c) > 1e-9, c, 1e-9)[k] for c in (dx, dy))
+    a, b = -rise * dy[k] / safe_x, reach[k] / np.abs(safe_x)
+    c, e = rise * dx[k] / safe_y, half[k] / np.abs(safe_y)
+    left = np.maximum(a - b, c - e) + middle[k, 0] - 0.5
+    right = np.minimum(a + b, c + e) + middle[k, 0] - 0.5
+    left = np.clip(np.ceil(left), box[k, 0], box[k, 0] + box[k, 2]).astype(np.int64)
+    right = np.clip(np.floor(right) + 1, box[k, 0], box[k, 0] + box[k, 2]).astype(np.int64)
+    count = np.maximum(right - left, 0)
+    row = np.repeat(np.arange(len(count)), count)
+    x = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + left[row]
+    return k[row], x, y[row]
+
+
+def flat_pixels(
+    drawing: Drawing, index: np.ndarray, scale: float = 1.0
+) -> Iterator[tuple[Crop, np.ndarray, np.ndarray]]:
+    """As `textured_pixels`, in flat ink."""
     size = canvas_size(drawing, scale)
-    if drawing.texture is None or not texture:
+    for i in index:
         crop, cover = coverage(drawing.strokes, i, size, scale)
-        red, green, blue, alpha = drawing.color[i]
-        return crop, (cover * alpha)[..., None].astype(np.float32) * np.float32([red, green, blue, 1.0])
-    strips = drawing.texture
-    strip = strips.rgba[strips.offsets[i] : strips.offsets[i + 1]].astype(np.float32) / 255.0
-    strip[..., :3] *= strip[..., 3:]
-    band = ribbon(drawing.strokes, i, strips.margin[i], scale)
-    crop = crop_of(band.xy, band.half, size)
-    layer = np.zeros((crop.h * crop.w, 4), np.float32)
-    for pixel, u, v in ribbon_coordinates(band, crop):
-        color = sample_strip(strip, u, v, band.closed)
-        stronger = color[:, 3] > layer[pixel, 3]  # where a stroke crosses itself
-        layer[pixel[stronger]] = color[stronger]
-    return crop, layer.reshape(crop.h, crop.w, 4)
+        pixel = np.flatnonzero(cover)
+        ink = np.r_[drawing.color[i, :3], 1.0] * drawing.color[i, 3]
+        yield crop, pixel, (cover.reshape(-1)[pixel, None] * ink).astype(np.float32)
+
+
+def textured_pixels(
+    drawing: Drawing, index: np.ndarray, scale: float = 1.0
+) -> Iterator[tuple[Crop, np.ndarray, np.ndarray]]:
+    """The strokes of `index` alone, each on a canvas of `scale` times the drawing's size, one after the other.
+
+    Yields
+    ------
+    crop, pixel (M,) in the flattened crop, each once, and its premultiplied colour (M, 4) float32
+    """
+    strips, size = drawing.texture, canvas_size(drawing, scale)
+    texels = strips.rgba.astype(np.float32) / 255.0
+    texels[..., :3] *= texels[..., 3:]
+    bands = [ribbon(drawing.strokes, i, strips.margin[i], scale) for i in index]
+    crops = [crop_of(band.xy, band.half, size) for band in bands]
+    work = np.array(
+        [crop.w * crop.h + 8 * band.length * band.half.max() for crop, band in zip(crops, bands, strict=True)] + [0.0]
+    )
+    batch = (np.cumsum(work) // BATCH)[:-1]
+    for number in np.unique(batch):
+        own = np.flatnonzero(batch == number)
+        found = ribbon_coordinates([bands[j] for j in own], [crops[j] for j in own])
+        stroke = np.asarray(index)[own][found.ribbon]
+        wraps = np.array([bands[j].closed for j in own], bool)[found.ribbon]
+        color = sample_strips(texels, strips.offsets, stroke, found.u, found.v, wraps)
+        base = np.r_[0, np.cumsum([crops[j].w * crops[j].h for j in own])]
+        key = base[found.ribbon] + found.pixel
+        # where a stroke crosses itself the stronger mark shows
+        crossing = np.bincount(found.ribbon, found.arm, len(own))[found.ribbon] > 0
+        again = np.flatnonzero(crossing)
+        again = again[np.lexsort((found.arm[again], -color[again, 3], key[again]))]
+        again = again[np.r_[True, key[again][1:] != key[again][:-1]]] if len(again) else again
+        order = np.r_[np.flatnonzero(~crossing), again]
+        order = order[np.argsort(found.ribbon[order].astype(np.int16), kind="stable")]
+        key, color = key[order], color[order]
+        cut = np.searchsorted(found.ribbon[order], np.arange(len(own) + 1))
+        for j, a, b, first in zip(own, cut[:-1], cut[1:], base, strict=False):
+            yield crops[j], key[a:b] - first, color[a:b]
 
 
 def canvas_size(drawing: Drawing, scale: float) -> tuple[int, int]:
@@ -184,10 +295,14 @@ def rasterise(
     if not scale > 0:
         raise ValueError(f"the scale of a raster must be above 0, got {scale}")
     width, height = canvas_size(drawing, scale)
-    canvas = np.zeros((height, width, 4), np.float32)
-    for i in paint_order(drawing.strokes):
-        crop, layer = stroke_pixels(drawing, int(i), scale, texture)
-        canvas[crop.index] = layer + canvas[crop.index] * (1.0 - layer[..., 3:])
+    canvas = np.zeros((height * width, 4), np.float32)
+    order = paint_order(drawing.strokes)
+    painted = textured_pixels if texture and drawing.texture is not None else flat_pixels
+    for crop, pixel, color in painted(drawing, order, scale):
+        at = pixel + crop.x0 if crop.w == width else pixel // max(crop.w, 1) * (width - crop.w) + pixel + crop.x0
+        at = at + crop.y0 * width
+        canvas[at] = color + canvas[at] * (1.0 - color[:, 3:])
+    canvas = canvas.reshape(height, width, 4)
     alpha = canvas[..., 3:]
     if background is not None:
         rgb = canvas[..., :3] + (1.0 - alpha) * np.float32(background)

@@ -7,29 +7,51 @@ import zlib
 
 import numpy as np
 
-ONE_INK = 0.02  # colours that differ less than this (rms, of 1) are one ink: its PNG needs alphas only
-GRAIN = 0.12  # of the opacity, per texel: what changes more is grain
-GRAIN_ALPHAS, SOFT_ALPHAS, COLORS = 10, 64, 64  # palette sizes of a stroke's PNG
+FEW, MANY = 10, 64  # levels of opacity of one ink: grain hides coarse steps and costs many bytes, soft tone shows them
+COLORS = 192  # of a drawing in more than one ink; a stroke holds those that it uses
+CELLS = 32  # a channel, of the table from colours to their place in a palette
 
 
-def palette_png(layer: np.ndarray) -> bytes:
-    """Premultiplied RGBA (h, w, 4) in [0, 1] -> PNG with a palette: one ink at some alphas, or 64 colours with alpha.
+def ink_palette(ink: np.ndarray, count: int) -> np.ndarray:
+    """One ink (3,) in [0, 1] at `count` opacities from none to full, (count, 4) straight."""
+    return np.concatenate([np.tile(ink, (count, 1)), np.arange(count)[:, None] / (count - 1)], axis=1)
 
-    Grain hides coarse steps of alpha and costs many bytes, soft tone shows them and costs few.
+
+class Quantiser:
+    """At most `count` colours for many: premultiplied RGBA in [0, 1], the first of them clear.
+
+    Parameters
+    ----------
+    color : (M, 4) float, a sample of what is to be shown
     """
-    flat = layer.reshape(-1, 4)
-    alpha = flat[:, 3]
-    ink = flat[:, :3].sum(axis=0) / alpha.sum()
-    spread = np.square(flat[:, :3] - alpha[:, None] * ink).sum() / max(np.square(alpha).sum(), 1e-9)
-    if np.sqrt(spread) < ONE_INK:
-        grain = np.abs(np.diff(layer[..., 3], axis=1)).sum() / alpha.sum()
-        count = GRAIN_ALPHAS if grain > GRAIN else SOFT_ALPHAS
-        index = np.rint(alpha * (count - 1)).astype(np.uint8)
-        palette = np.concatenate([np.tile(ink, (count, 1)), np.arange(count)[:, None] / (count - 1)], axis=1)
-    else:
-        index, palette = quantise(flat, COLORS)
-    palette = np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)
-    return encode_png(index.reshape(layer.shape[:2]), palette)
+
+    def __init__(self, color: np.ndarray, count: int = COLORS):
+        palette = quantise(color, count)[1]
+        self.centres = np.concatenate([palette[:, :3] * palette[:, 3:], palette[:, 3:]], axis=1)
+        self.table = np.full(CELLS**4, -1, np.int16)
+
+    @property
+    def palette(self) -> np.ndarray:
+        """(K, 4) straight."""
+        alpha = self.centres[:, 3:]
+        return np.concatenate([self.centres[:, :3] / np.maximum(alpha, 1e-6), alpha], axis=1)
+
+    def index(self, color: np.ndarray) -> np.ndarray:
+        """The place in the palette (M,) uint8 of the colour nearest to each (M, 4)."""
+        cell = np.rint(color * (CELLS - 1)).astype(np.int64) @ CELLS ** np.arange(3, -1, -1)
+        unknown = np.unique(cell[self.table[cell] < 0])
+        if len(unknown):
+            value = np.stack(np.unravel_index(unknown, (CELLS,) * 4), axis=1) / (CELLS - 1)
+            self.table[unknown] = np.square(value[:, None] - self.centres[None]).sum(axis=2).argmin(axis=1)
+        return self.table[cell].astype(np.uint8)
+
+
+def used(index: np.ndarray, palette: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """An image of places in a palette and that palette, without the colours that it does not use."""
+    kept, compact = np.zeros(len(palette), bool), np.zeros(len(palette), np.uint8)
+    kept[np.unique(index)] = True
+    compact[kept] = np.arange(kept.sum())
+    return compact[index], palette[kept]
 
 
 def encode_png(index: np.ndarray, palette: np.ndarray) -> bytes:

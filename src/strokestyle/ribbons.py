@@ -129,14 +129,20 @@ def strip_stretch(band: Ribbon, rows: int, columns: int) -> np.ndarray:
     return np.einsum("rck,rk->rc", ahead, middle) / size[:, None]
 
 
-def sample_strip(strip: np.ndarray, u: np.ndarray, v: np.ndarray, wrap: bool) -> np.ndarray:
-    """Bilinear look-up in a strip (n, A, 4) float, premultiplied, at u in [0, 1] and v in [-1, 1]: (M, 4)."""
-    n, a, _ = strip.shape
-    row, column = u * n - 0.5, np.clip((v + 1.0) * 0.5 * a - 0.5, 0, a - 1)
+def sample_strips(
+    texels: np.ndarray, offsets: np.ndarray, strip: np.ndarray, u: np.ndarray, v: np.ndarray, wraps: np.ndarray
+) -> np.ndarray:
+    """Bilinear look-up in strips, texels (T, A, 4) float premultiplied, at u in [0, 1] and v in [-1, 1]: (M, 4).
+
+    `strip` (M,) says which is looked up, `wraps` (M,) whether its end is its beginning.
+    """
+    first, n, a = offsets[strip], np.diff(offsets)[strip], texels.shape[1]
+    row, column = u * n - 0.5, np.clip((v + 1.0) * (0.5 * a) - 0.5, 0, a - 1)
     r0, c0 = np.floor(row).astype(np.int64), np.minimum(column.astype(np.int64), max(a - 2, 0))
-    fr, fc = (row - r0)[:, None], (column - c0)[:, None]
-    r1 = r0 + 1
-    r0, r1 = (r0 % n, r1 % n) if wrap else (np.clip(r0, 0, n - 1), np.clip(r1, 0, n - 1))
-    flat, c1 = strip.reshape(n * a, 4), np.minimum(c0 + 1, a - 1)
-    top = flat[r0 * a + c0] * (1 - fc) + flat[r0 * a + c1] * fc
-    return top * (1 - fr) + (flat[r1 * a + c0] * (1 - fc) + flat[r1 * a + c1] * fc) * fr
+    fr, fc = (row - r0).astype(np.float32)[:, None], (column - c0).astype(np.float32)[:, None]
+    r1 = np.where(r0 + 1 < n, r0 + 1, np.where(wraps, 0, n - 1))
+    r0 = np.where(r0 >= 0, r0, np.where(wraps, n - 1, 0))
+    flat, step = texels.reshape(-1, texels.shape[2]), min(1, a - 1)
+    top, low = (first + r0) * a + c0, (first + r1) * a + c0
+    top = flat[top] * (1 - fc) + flat[top + step] * fc
+    return top * (1 - fr) + (flat[low] * (1 - fc) + flat[low + step] * fc) * fr

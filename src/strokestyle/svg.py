@@ -13,21 +13,18 @@ from pathlib import Path
 import numpy as np
 import resvg_py
 
-from .curves import KINDS, Curves, arc_length, simplify
+from .curves import KINDS, Curves, arc_length, simplify_all
 from .files import write_bytes
 from .outlines import outlines
-from .painting import stroke_pixels
-from .palette import palette_png
-from .ribbons import ribbon_outlines
+from .pictures import stroke_images
 from .strips import strips_png
-from .strokes import Drawing, paint_order
+from .strokes import Drawing, Strokes, paint_order
 from .svg_page import SvgOptions, document, layer
 from .svg_read import CLIP, digest, read
 from .svg_syntax import first_line, landmarks
 from .svg_text import element, hex_color, number, numbers, polyline_path, rings_path, units
 
 PATH_SLACK = 0.04  # px a centre line may be off where data-ss-path leaves points out
-CLIP_SLACK = 0.5  # px, the least tolerance of a clip: its edge lies where the texture is clear
 WIDTH_SLACK = 0.004  # px a width may be off where data-ss-width leaves points out
 ID = re.compile(r"[A-Za-z_][\w.-]{0,99}", re.ASCII)
 RESERVED = {"paper", *(f"layer-{kind}" for kind in KINDS)}
@@ -89,8 +86,9 @@ def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray):
     """(tag, markup after id and class) of each stroke of `index`."""
     make = {"none": _flat, "image": _images}[options.texture]
     strips = strips_png(drawing, index) if options.texture != "none" else [None] * len(index)
+    knots = _knots(drawing.strokes)
     for i, strip, (tag, attributes, content) in zip(index.tolist(), strips, make(drawing, options, index), strict=True):
-        data = _data(drawing, i, options.decimals)
+        data = _data(drawing, i, options.decimals, knots)
         if strip is not None:
             data["data-ss-texture"] = base64.b64encode(strip).decode("ascii")
             data["data-ss-margin"] = number(drawing.texture.margin[i], 4)
@@ -164,47 +162,38 @@ def _flat(drawing, options, order):
 
 
 def _images(drawing, options, order):
-    """(tag, attributes, content) of each stroke: its pixels, clipped by the outline of its ribbon."""
-    rings = ribbon_outlines(drawing, max(options.tolerance, CLIP_SLACK), order)
-    for i, ring in zip(order.tolist(), rings, strict=True):
-        picture = _stroke_image(drawing, i, options.texture_res)
+    """(tag, attributes, content) of each stroke: its pixels, whose opacity is its shape."""
+    for picture in stroke_images(drawing, order, options.texture_res):
         if picture is None:
             yield "g", {}, ""
             continue
         x, y, width, height, png = picture
-        clip = element("path", {"d": rings_path(ring, min(options.decimals, 1)), "clip-rule": "nonzero"})
         box = {"x": x, "y": y, "width": width, "height": height}
         box = {key: number(value, max(options.decimals, 3)) for key, value in box.items()}
         href = "data:image/png;base64," + base64.b64encode(png).decode("ascii")
         image = element("image", {**box, "preserveAspectRatio": "none", "xlink:href": href})
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
-        attributes = {**marks(corners), "clip-path": f"url(#{CLIP})"}
-        yield "g", attributes, element("clipPath", {"id": CLIP}, clip) + image
-
-
-def _stroke_image(drawing, i, resolution):
-    """The stroke's raster: (x, y, width, height) in the drawing's pixels and PNG bytes; None where nothing shows."""
-    crop, layer = stroke_pixels(drawing, i, resolution)
-    seen = layer[..., 3] > 0.5 / 255
-    if not seen.any():
-        return None
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    layer = layer[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    box = np.array([crop.x0 + columns[0], crop.y0 + rows[0], layer.shape[1], layer.shape[0]]) / resolution
-    return (*box.tolist(), palette_png(layer))
+        yield "g", marks(corners), image
 
 
 # ------------------------------------------------------------------------------------------- a stroke, to be read back
 
 
-def _data(drawing: Drawing, i: int, decimals: int) -> dict[str, str]:
+def _knots(strokes: Strokes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Arc length (N,) px, and which points (N,) bool the centre lines need, and which the widths along them."""
+    along = arc_length(strokes.xy, strokes.offsets)
+    widths = np.stack([along, strokes.thickness], axis=1)
+    bends = simplify_all(strokes.xy, strokes.offsets, PATH_SLACK)
+    return along, bends, simplify_all(widths, strokes.offsets, WIDTH_SLACK)
+
+
+def _data(drawing: Drawing, i: int, decimals: int, knots: tuple[np.ndarray, np.ndarray, np.ndarray]) -> dict[str, str]:
     """The stroke as data: its centre line and widths, without the points that lie between their neighbours anyway."""
     strokes = drawing.strokes
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
     xy, width = strokes.xy[rows], strokes.thickness[rows]
-    bends = simplify(xy, PATH_SLACK)
-    along = arc_length(xy, np.array([0, len(xy)]))
-    knots = simplify(np.stack([along, width], axis=1), WIDTH_SLACK) if along[-1] > 0 else np.array([0, len(xy) - 1])
+    along, bends, knots = (part[rows] for part in knots)
+    bends, knots = np.flatnonzero(bends), np.flatnonzero(knots)
     # widths by arc length where they are few, else one for each point: what is shorter
     t = numbers(units(along[knots] / max(along[-1], 1e-12), 5), 5)
     pairs = " ".join(f"{a},{b}" for a, b in zip(t, numbers(units(width[knots], 3), 3), strict=True))
