@@ -24,7 +24,7 @@ SHARP = 50.0  # degrees; where a simplified line turns by more, it keeps its cor
 MAX_LENGTH = 1_000_000  # px of a stroke's length that edits resample
 MAX_COLUMNS = 256  # texels across a strip
 STRETCH = 1.3  # the most by which grain is stretched
-GRAIN = 2.0  # px, blur that tells tone from grain
+GRAIN = 15.0  # px along a stroke, blur that tells tone from grain
 TONES = 24  # levels of tone
 
 
@@ -538,11 +538,12 @@ def _carried(drawing: Drawing, new: Strokes, i: int, was: np.ndarray, columns: i
         along = np.cumsum(np.clip(rate, 1 / STRETCH, STRETCH)) * (new_length / rows) / (old_length / n)
         across = np.sign(v) * away / np.clip(ratio, 1 / STRETCH, STRETCH)
         across = (across / np.maximum(h_old, 1e-9) + 1) * 0.5 * a - 0.5
-        sigma = (GRAIN * n / old_length, GRAIN * a / (2 * max(float(np.median(old_half)), 0.5)))
-        made[..., 3] = np.where(
-            made[..., 3] > 0, _regrained(strip[..., 3], sigma, mode, look, along[:, None], across), 0.0
-        )
-        made[..., :3] *= (made[..., 3] / np.maximum(look(strip[..., 3]), 1e-6))[..., None]
+        sigma = (GRAIN * n / old_length, 1.0)  # across, opacity has a shape: what is uneven there is no grain
+        made[..., 3] = _regrained(strip[..., 3], sigma, mode, look, along[:, None], across)
+        # grain may come to lie where there was no ink: its colour is that of the ink around
+        near = ndimage.gaussian_filter(strip, (2.0 * n / old_length, 1.0, 0)) + 1e-4 * strip.mean(axis=(0, 1))
+        ink = np.stack([look(near[..., k] / np.maximum(near[..., 3], 1e-9)) for k in range(3)], axis=-1)
+        made[..., :3] = ink * made[..., 3:]
     made *= seen[..., None]
     made[..., :3] /= np.maximum(made[..., 3:], 1e-6)
     return np.rint(np.clip(made, 0, 1) * 255).astype(np.uint8)
@@ -551,8 +552,8 @@ def _carried(drawing: Drawing, new: Strokes, i: int, was: np.ndarray, columns: i
 def _regrained(alpha: np.ndarray, sigma, mode: str, look, along: np.ndarray, across: np.ndarray) -> np.ndarray:
     """Opacity of stretched tone with grain that is not stretched.
 
-    A texel's grain is its rank among the texels of about its tone, tone the mean opacity around it. Where the tone goes
-    to, the grain of another place is given the opacity that its rank has there.
+    A texel's grain is its rank among the texels of about its tone, tone the mean opacity along the stroke around it.
+    Where the tone goes to, the grain of another place is given the opacity that its rank has there.
     """
     tone = ndimage.gaussian_filter(alpha, sigma, mode=("wrap" if mode == "grid-wrap" else "nearest", "constant"))
     level = np.minimum((tone * TONES).astype(np.int64), TONES - 1).ravel()
