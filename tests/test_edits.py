@@ -14,6 +14,7 @@ from strokestyle.cli import main
 from strokestyle.curves import KINDS, arc_length
 from strokestyle.edits import Sheet, parse_edit
 from strokestyle.painting import rasterise
+from strokestyle.strips import wider
 from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.svg import read, save_svg, write_svg
 from strokestyle.svg_read import read_file
