@@ -649,7 +649,7 @@ def view(files, output, show):
     for name, file in zip(_short_names(files), files, strict=True):
         found = read_file(sys.stdin.buffer.read() if file == "-" else file)
         with stage(f"write {name} anew"):
-            drawings.append((name, write_svg(found.drawing, found.options)))
+            drawings.append((name, write_svg(found.drawing, found.options, ids=found.ids)))
     text = page_html(drawings)
     if output == "-":
         click.echo(text, nl=False)
