@@ -1,4 +1,5 @@
-"""Mesh files -> triangles. OBJ is read here; all other formats by trimesh."""
+"""Mesh files -> triangles. OBJ and the common kinds of PLY and STL are read here, all else by trimesh, whose import
+alone takes as long as drawing a mesh."""
 
 from __future__ import annotations
 
@@ -38,13 +39,22 @@ def read_mesh(path: Path) -> Triangles:
     Raises OSError where the file cannot be opened, ValueError where it holds no faces; either names the file.
     """
     suffix = path.suffix.lower()
-    if suffix == ".obj":
+    found = None
+    if suffix in (".obj", ".ply", ".stl"):
         try:
-            vertices, faces, part, names = read_obj(path.read_bytes())
+            data = path.read_bytes()
         except OSError as error:
             raise type(error)(f"{path}: cannot be read ({_line(error)})") from None
-        except ValueError as error:
-            raise ValueError(f"{path}: damaged, or not in obj format ({error})") from None
+        if suffix == ".obj":
+            try:
+                found = read_obj(data)
+            except ValueError as error:
+                raise ValueError(f"{path}: damaged, or not in obj format ({error})") from None
+        else:
+            with contextlib.suppress(ValueError, KeyError, IndexError, OverflowError):  # not of the common kind
+                found = read_ply(data) if suffix == ".ply" else read_stl(data)
+    if found:
+        vertices, faces, part, names = found
         points = len(vertices)
     else:
         vertices, faces, part, names, points = _read_with_trimesh(path, suffix)
@@ -159,12 +169,77 @@ def _at(data: bytes, start: np.ndarray, line: int) -> str:
     return f"line {line + 1}, {text[:40]!r}: "
 
 
+# ---------------------------------------------------------------------------------------------------------- ply, stl
+
+_PLY_TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
+              "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+              "float32": "f4", "float64": "f8"}  # fmt: skip
+
+
+def read_ply(data: bytes) -> Triangles:
+    """The faces of a PLY file, text or binary, of vertices and then faces, all with the same number of corners.
+
+    Raises ValueError, KeyError, IndexError or OverflowError on any other, damaged or not.
+    """
+    header = re.match(rb"ply\r?\n(.*?)end_header *\r?\n", data[:100_000], re.DOTALL)
+    _expect(header)
+    elements, form = [], ""
+    for words in (line.split() for line in header[1].decode("latin-1").splitlines()):
+        if words[:1] == ["format"]:
+            form = words[1]
+        elif words[:1] == ["element"]:
+            elements.append((words[1], int(words[2]), []))
+        elif words[:1] == ["property"]:
+            elements[-1][2].append(words[1:])
+    (vertex, count, columns), (face, rows, lists) = elements[:2]
+    names = [column[-1] for column in columns]
+    _expect((vertex, face) == ("vertex", "face") and count > 0 and rows > 0 and len(lists) == 1 and len(lists[0]) == 4)
+    _expect(all(len(column) == 2 for column in columns) and len(set(names)) == len(names))
+    body = data[header.end() :]
+    if form == "ascii":
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # some versions of numpy warn of what is no number, and stop there
+            numbers = np.fromstring(body, sep=" ")
+        values, table = np.split(numbers, [count * len(names)])
+        vertices = values.reshape(count, -1)[:, [names.index(axis) for axis in "xyz"]]
+        corners = int(table[0])
+        table = table[: rows * (corners + 1)].reshape(rows, corners + 1)
+        counts, polygons = table[:, 0], table[:, 1:].astype(np.int64)
+    else:
+        order = {"binary_little_endian": "<", "binary_big_endian": ">"}[form]
+        row = np.dtype([(name, order + _PLY_TYPES[kind]) for kind, name in columns])
+        table = np.frombuffer(body, row, count)
+        vertices = np.stack([table[axis] for axis in "xyz"], axis=1).astype(np.float64)
+        many, one = (order + _PLY_TYPES[kind] for kind in lists[0][1:3])
+        begin = count * row.itemsize
+        corners = int(np.frombuffer(body, many, 1, begin)[0])
+        _expect(corners < 100)
+        table = np.frombuffer(body, [("count", many), ("corner", one, (corners,))], rows, begin)
+        counts, polygons = table["count"], table["corner"].astype(np.int64)
+    _expect(corners >= 3 and (counts == corners).all() and polygons.min() >= 0 and polygons.max() < count)
+    faces = np.stack([polygons[:, [0, k, k + 1]] for k in range(1, corners - 1)], axis=1).reshape(-1, 3)
+    return vertices, faces, np.zeros(len(faces), np.int64), ("",)
+
+
+def read_stl(data: bytes) -> Triangles:
+    """The faces of a binary STL file. Raises ValueError on any other, damaged or not."""
+    _expect(len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"))
+    table = np.frombuffer(data, [("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("colour", "<u2")], offset=84)
+    vertices = table["corner"].reshape(-1, 3).astype(np.float64)
+    return vertices, np.arange(len(vertices)).reshape(-1, 3), np.zeros(len(table), np.int64), ("",)
+
+
+def _expect(common) -> None:
+    if not common:
+        raise ValueError("not of the common kind")
+
+
 # ---------------------------------------------------------------------------------------------------------- trimesh
 
 
 def _read_with_trimesh(path: Path, suffix: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...], int]:
     """What `read_mesh` returns, and the number of points in the file, with or without faces."""
-    import trimesh  # 0.3 s, and not needed for OBJ or where a saved view is drawn
+    import trimesh
 
     known = trimesh.available_formats()
     if suffix.lstrip(".") not in known:
