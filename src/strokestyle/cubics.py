@@ -47,8 +47,45 @@ def fit_cubics(rings: list[np.ndarray], corners: list[np.ndarray], tolerance: fl
         home.append(np.full(len(stop) - 1, k))
         xy.append(ring)
         at += n + 1
-    xy, first_tangent, last_tangent = np.concatenate(xy), np.concatenate(first_tangent), np.concatenate(last_tangent)
-    begin, end, home = np.concatenate(begin), np.concatenate(end), np.concatenate(home)
+    tangents = np.concatenate(first_tangent), np.concatenate(last_tangent)
+    spans = np.concatenate(begin), np.concatenate(end), np.concatenate(home)
+    cubic, _, home = _fit(np.concatenate(xy), *tangents, *spans, tolerance)
+    return np.split(cubic, np.searchsorted(home, np.arange(1, len(rings))))
+
+
+def fit_lines(xy: np.ndarray, offsets: np.ndarray, tolerance: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Smooth cubic Beziers through open polylines xy (N, 2), as `fit_cubics` has them; corners where they turn sharply.
+
+    Returns
+    -------
+    list of (curves (K, 4, 2), rows (K+1,)), one a line; curve k goes from the line's point rows[k] to rows[k+1]
+    """
+    count = np.diff(offsets)
+    if not len(count):
+        return []
+    leave = np.diff(xy, axis=0, append=xy[-1:])
+    size = np.hypot(leave[:, 0], leave[:, 1])
+    leave = np.where(size[:, None] > 1e-9, leave / np.maximum(size, 1e-12)[:, None], [1.0, 0.0])
+    first, last = offsets[:-1], offsets[1:] - 1
+    leave[last] = leave[last - 1]
+    arrive = np.roll(leave, 1, axis=0)
+    arrive[first] = leave[first]
+    sharp = (leave * arrive).sum(axis=1) < 0.5
+    middle = leave + arrive
+    middle = middle / np.maximum(np.hypot(middle[:, 0], middle[:, 1]), 1e-12)[:, None]
+    leave, arrive = np.where(sharp[:, None], leave, middle), np.where(sharp[:, None], arrive, middle)
+    cut = sharp.copy()
+    cut[first] = cut[last] = True
+    row = np.flatnonzero(cut)
+    line = np.repeat(np.arange(len(count)), count)[row]
+    inside = line[1:] == line[:-1]
+    cubic, begin, home = _fit(xy, leave, arrive, row[:-1][inside], row[1:][inside], line[:-1][inside], tolerance)
+    cubics, begins = (np.split(part, np.searchsorted(home, np.arange(1, len(count)))) for part in (cubic, begin))
+    return [(c, np.r_[b, z] - a) for c, b, a, z in zip(cubics, begins, first, last, strict=True)]
+
+
+def _fit(xy, first_tangent, last_tangent, begin, end, home, tolerance):
+    """Cubics for spans of rows begin..end, cut where they must be: control points, first rows, and `home` of each."""
     done = []
     while len(begin):
         cubic, error, worst = _fit_spans(xy, first_tangent, last_tangent, begin, end)
@@ -56,10 +93,10 @@ def fit_cubics(rings: list[np.ndarray], corners: list[np.ndarray], tolerance: fl
         done.append((begin[good], home[good], cubic[good]))
         b, e, h, w = begin[~good], end[~good], home[~good], worst[~good]
         begin, end, home = np.r_[b, w], np.r_[w, e], np.r_[h, h]
-    order = np.argsort(np.concatenate([b for b, _, _ in done]), kind="stable")
-    cubic = np.concatenate([c for _, _, c in done])[order]
-    home = np.concatenate([h for _, h, _ in done])[order]
-    return np.split(cubic, np.searchsorted(home, np.arange(1, len(rings))))
+    begin = np.concatenate([b for b, _, _ in done])
+    order = np.argsort(begin, kind="stable")
+    cubic, home = np.concatenate([c for _, _, c in done]), np.concatenate([h for _, h, _ in done])
+    return cubic[order], begin[order], home[order]
 
 
 def _fit_spans(xy, first_tangent, last_tangent, begin, end):

@@ -19,8 +19,9 @@ from .outlines import outlines
 from .pictures import stroke_images
 from .strips import strips_png
 from .strokes import Drawing, Strokes, paint_order
+from .svg_lines import EFFECT, effect, plotter_svg, power_strokes
 from .svg_page import SvgOptions, document, layer
-from .svg_read import CLIP, digest, read
+from .svg_read import NAME, digest, read
 from .svg_syntax import first_line, landmarks
 from .svg_text import element, hex_color, number, numbers, polyline_path, rings_path, units
 
@@ -50,6 +51,10 @@ def write_svg(
         on options that do not hold.
     """
     options = replace(options or SvgOptions(), **changes)
+    if options.plotter:
+        return plotter_svg(drawing, options)
+    if options.inkscape_lpe:
+        options = replace(options, texture="none")
     if options.texture == "auto" or drawing.texture is None:
         options = replace(options, texture="none" if drawing.texture is None else "image")
     order = paint_order(drawing.strokes)
@@ -62,10 +67,14 @@ def write_svg(
     for i in order.tolist():
         tag, markup = drawn[i]
         kind = KINDS[drawing.strokes.kind[i]] if options.layers == "kind" else ""
-        stroke = f'\n<{tag} id="{names[i]}" class="stroke"{markup.replace(CLIP, "c-" + names[i])}'
+        stroke = f'\n<{tag} id="{names[i]}" class="stroke"{markup.replace(NAME, names[i])}'
         layers.setdefault(kind, []).append(stroke)
     content = "".join(layer(kind, "".join(inside)) if kind else "".join(inside) for kind, inside in layers.items())
-    return document(content, drawing.size, options, {})
+    if options.inkscape_lpe and len(order):
+        points = power_strokes(drawing, options, order.tolist())
+        effects = "".join(effect(names[i], text) for i, (_, text) in zip(order.tolist(), points, strict=True))
+        content = element("defs", {}, effects) + content
+    return document(content, drawing.size, options, ours=True)
 
 
 def _names(order: np.ndarray, ids: Sequence[str] | None) -> list[str]:
@@ -156,9 +165,13 @@ def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#fffff
 
 def _flat(drawing, options, order):
     """(tag, attributes, content) of each stroke: its outline."""
-    for rings in outlines(drawing.strokes, options.tolerance, order):
+    skeletons = power_strokes(drawing, options, order.tolist()) if options.inkscape_lpe else [None] * len(order)
+    for rings, skeleton in zip(outlines(drawing.strokes, options.tolerance, order), skeletons, strict=True):
         d = rings_path(rings, options.decimals)
-        yield "path", {**marks(d), "fill-rule": "nonzero", "d": d}, ""
+        attributes = {**marks(d), "fill-rule": "nonzero", "d": d}
+        if skeleton is not None:
+            attributes |= {"inkscape:path-effect": f"#{EFFECT}{NAME}", "inkscape:original-d": skeleton[0]}
+        yield "path", attributes, ""
 
 
 def _images(drawing, options, order):

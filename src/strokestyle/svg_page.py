@@ -54,6 +54,8 @@ class SvgOptions:
     background : "#rrggbb" or a CSS colour's name for a rectangle behind everything; None leaves the page clear
     page_size : a name of PAPERS, turned as the canvas lies, or "WxHmm" (cm, in, pt, px); the canvas is fitted into it
         and centred. None: the canvas, at 96 pixels an inch
+    inkscape_lpe : flat strokes are PowerStrokes besides: other programs show our outline, Inkscape edits the widths
+    plotter : centre lines only, in mm; nothing can be read back from such a file
 
     Raises
     ------
@@ -72,6 +74,8 @@ class SvgOptions:
     license: str = ""
     background: str | None = None
     page_size: str | None = None
+    inkscape_lpe: bool = False
+    plotter: bool = False
 
     def __post_init__(self):
         if self.texture not in TEXTURES:
@@ -86,6 +90,8 @@ class SvgOptions:
             raise ValueError(f"layers must be one of {', '.join(LAYERS)}, got {self.layers!r}")
         if self.background is not None:
             check_color(self.background)
+        if self.inkscape_lpe and self.texture not in ("none", "auto"):
+            raise ValueError("PowerStrokes are flat: write them with texture none")
         paper(self.page_size, (1, 1))
 
     def to_text(self) -> str:
@@ -98,7 +104,7 @@ class SvgOptions:
     @classmethod
     def from_text(cls, text: str, **known) -> SvgOptions:
         """The options that `to_text` wrote; names and values that this version does not know are left out."""
-        types = {"texture_res": float, "tolerance": float, "decimals": int}
+        types = {"texture_res": float, "tolerance": float, "decimals": int, "inkscape_lpe": _flag, "plotter": _flag}
         for name, _, value in (part.partition("=") for part in text[:4000].split()):
             if name in WRITTEN:
                 try:
@@ -107,6 +113,10 @@ class SvgOptions:
                     continue
                 known[name] = types.get(name, str)(unquote(value))
         return cls(**known)
+
+
+def _flag(text: str) -> bool:
+    return text == "True"
 
 
 ELSEWHERE = ("title", "description", "author", "license")  # told by elements of their own
@@ -135,8 +145,8 @@ def paper(name: str | None, size: tuple[int, int]) -> tuple[float, float] | None
     return page
 
 
-def document(content: str, size: tuple[int, int], options: SvgOptions, data: dict[str, str] | None = None) -> str:
-    """The whole file: `content` is the markup of layers and strokes; `data` goes to the root besides."""
+def document(content: str, size: tuple[int, int], options: SvgOptions, ours: bool = False, mm: bool = False) -> str:
+    """The whole file: `content` is the markup of layers and strokes; `ours`, to be read back; `mm`, its user unit."""
     width, height = size
     page = paper(options.page_size, size)
     if page is None:
@@ -145,6 +155,8 @@ def document(content: str, size: tuple[int, int], options: SvgOptions, data: dic
         scale = min(page[0] / width, page[1] / height)  # mm a pixel
         across, down = page[0] / scale, page[1] / scale
         box = " ".join(number(v, 4) for v in (-0.5 * (across - width), -0.5 * (down - height), across, down))
+    if mm:
+        box = f"0 0 {number(page[0], 4)} {number(page[1], 4)}"
     root = {
         **NAMESPACES,
         "version": "1.1",
@@ -153,9 +165,8 @@ def document(content: str, size: tuple[int, int], options: SvgOptions, data: dic
         "viewBox": box,
         "data-ss-format": str(FORMAT),
         "data-ss-generator": f"strokestyle {__version__}",
-        **(data or {}),
     }
-    if data is not None:
+    if ours:
         root |= {"data-ss-size": f"{width} {height}", "data-ss-page": box, "data-ss-options": options.to_text()}
     head = ""
     if options.title:
@@ -171,9 +182,9 @@ def document(content: str, size: tuple[int, int], options: SvgOptions, data: dic
     return '<?xml version="1.0" encoding="utf-8"?>' + element("svg", root, head + content + "\n") + "\n"
 
 
-def layer(kind: str, content: str, style: dict[str, str] | None = None) -> str:
+def layer(kind: str, content: str, style: dict[str, str] | None = None, label: str | None = None) -> str:
     """An Inkscape layer of a kind of line."""
-    given = {"id": f"layer-{kind}", "class": kind, "inkscape:groupmode": "layer", "inkscape:label": kind}
+    given = {"id": f"layer-{kind}", "class": kind, "inkscape:groupmode": "layer", "inkscape:label": label or kind}
     return element("g", given | (style or {}), content)
 
 

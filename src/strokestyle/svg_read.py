@@ -20,6 +20,7 @@ from .ribbons import ribbon, strip_points
 from .strips import MAX_TEXELS as STRIP_TEXELS
 from .strips import read_strip, wider
 from .strokes import MAX_MARGIN, Drawing, Strokes, Texture, signed_distance
+from .svg_lines import EFFECT
 from .svg_page import FORMAT, LICENSES, SvgOptions
 from .svg_syntax import (
     IDENTITY,
@@ -55,17 +56,16 @@ DC = "http://purl.org/dc/elements/1.1/"
 CC = ("http://creativecommons.org/ns#", "http://web.resource.org/cc/")
 # A stroke exactly as we write it: whatever is in it, it is markup that cannot run or load anything.
 _VALUE = r'="[^"<&]*"'
-CLIP = "c-*"  # stands for the id of a stroke's clip, which is made of the stroke's own
+NAME = "*id*"  # stands for a stroke's id where its markup is kept
 _ART = re.compile(
-    rf'<(path|g) id="([\w.:-]*)" class="stroke"((?: [a-z-]+{_VALUE})*)'
+    rf'<(path|g) id="([\w.:-]*)" class="stroke"((?: [a-z:-]+{_VALUE})*)'
     rf"(/>|>(?:\s*<path(?: (?:d|fill-opacity){_VALUE})+/>"
-    rf'|\s*<clipPath id="c-[\w.:-]*">\s*<path d{_VALUE} clip-rule="nonzero"/></clipPath>'
     rf'|\s*<image(?: (?:x|y|width|height|preserveAspectRatio){_VALUE})* xlink:href="data:image/png;base64,[\w+/=]*"/>'
     rf")*\s*</\1>)"
 )
 _ART_NAMES = {
     "data-ss-class", "data-ss-path", "data-ss-width", "data-ss-closed", "data-ss-texture", "data-ss-margin",
-    "data-ss-at", "fill", "fill-opacity", "fill-rule", "d", "clip-path",
+    "data-ss-at", "fill", "fill-opacity", "fill-rule", "d", "inkscape:path-effect", "inkscape:original-d",
 }  # fmt: skip
 
 
@@ -123,7 +123,7 @@ def digest(drawing: Drawing, i: int, options: SvgOptions) -> bytes:
     strokes, texture = drawing.strokes, drawing.texture if options.texture != "none" else None
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
     made = hashlib.blake2b(digest_size=16)
-    written = (options.texture, options.texture_res, options.tolerance, options.decimals)
+    written = (options.texture, options.texture_res, options.tolerance, options.decimals, options.inkscape_lpe)
     made.update(repr((written, int(strokes.kind[i]), bool(strokes.closed[i]))).encode())
     parts = [strokes.xy[rows], strokes.thickness[rows], drawing.color[i]]
     if texture is not None:
@@ -493,11 +493,10 @@ def _art(data: bytes, found: _Found) -> tuple[str, str] | None:
     end = found.end if empty else data.find(b">", found.end) + 1
     text = data[found.begin : end].decode("ascii", "replace")
     match = _ART.fullmatch(text)
-    names = re.findall(rf" ([a-z-]+){_VALUE}", match[3]) if match else ()
+    names = re.findall(rf" ([a-z:-]+){_VALUE}", match[3]) if match else ()
     if "fill" not in names or not set(names) <= _ART_NAMES:
         return None
-    clip = "c-" + match[2]
-    markup = text[match.start(3) :].replace(f'"{clip}"', f'"{CLIP}"').replace(f'"url(#{clip})"', f'"url(#{CLIP})"')
+    markup = text[match.start(3) :].replace(f'-effect="#{EFFECT}{match[2]}"', f'-effect="#{EFFECT}{NAME}"')
     return match[1], markup
 
 
