@@ -151,7 +151,7 @@ def test_what_is_uncommon_is_left_to_trimesh(tmp_path):
         with pytest.raises(ValueError):
             read_ply(uncommon.encode())
     with pytest.raises(ValueError):
-        read_stl(b" " * 80 + b"\1\0\0\0" + b"\0" * 51)
+        read_stl(b" " * 80 + b"\1\0\0\0" + b"\0" * 100)
     path = tmp_path / "mixed.ply"
     path.write_text(text)
     found, faces, _, _ = read_mesh(path)
