@@ -126,31 +126,30 @@ function paperColor() {
   return 0xff000000 | ((hex & 255) << 16) | (hex & 0xff00) | (hex >> 16);
 }
 
-/** The canvas at `fine` pixels a pixel of the screen: {width, height, view, sides and box of the paper}. */
+/** The canvas at `fine` pixels a pixel of the screen: {width, height, view, box of the paper seen}. */
 function canvasAt(fine) {
   const density = devicePixelRatio * fine;
   const { zoom, x, y } = current.camera;
   const [width, height] = [Math.round(stage.clientWidth * density), Math.round(stage.clientHeight * density)];
   const view = { scale: zoom * density, x: x * density, y: y * density };
   const [w, h] = current.drawing.size;
-  const sides = [view.x, view.y, view.x + w * view.scale, view.y + h * view.scale];
-  const [x0, y0] = [Math.max(0, Math.round(sides[0])), Math.max(0, Math.round(sides[1]))];
-  const [x1, y1] = [Math.min(width, Math.round(sides[2])), Math.min(height, Math.round(sides[3]))];
+  const [x0, y0] = [Math.max(0, Math.round(view.x)), Math.max(0, Math.round(view.y))];
+  const x1 = Math.min(width, Math.round(view.x + w * view.scale));
+  const y1 = Math.min(height, Math.round(view.y + h * view.scale));
   const box = { x0, y0, width: x1 - x0, height: y1 - y0 };
-  return { density, width, height, view, sides, box: width > 0 && height > 0 && x1 > x0 && y1 > y0 ? box : null };
+  return { width, height, view, box: width > 0 && height > 0 && x1 > x0 && y1 > y0 ? box : null };
 }
 
 function showCanvas(canvas, picture, marks) {
-  const { density, width, height, sides, box } = canvas;
+  const { width, height, box } = canvas;
   if (ink.width !== width || ink.height !== height) [ink.width, ink.height] = [width, height];
   const context = ink.getContext("2d");
   context.clearRect(0, 0, width, height);
-  context.shadowColor = "rgba(0, 0, 0, 0.25)";
-  context.shadowBlur = 18 * density;
-  context.shadowOffsetY = 3 * density;
-  context.fillRect(sides[0], sides[1], sides[2] - sides[0], sides[3] - sides[1]);
-  context.shadowColor = "transparent";
   if (box) context.putImageData(picture, box.x0, box.y0);
+  const { zoom, x, y } = current.camera;
+  const [w, h] = current.drawing.size;
+  const sides = { left: x, top: y, width: zoom * w, height: zoom * h };
+  for (const [side, value] of Object.entries(sides)) byId("paper").style[side] = `${value}px`;
   shown = { canvas, marks, camera: current.camera, size: `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}` };
 }
 

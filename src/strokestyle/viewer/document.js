@@ -80,27 +80,27 @@ function readStrip({ width: rows, height: columns, index, levels, palette }) {
 
 /** A stroke under an edit, as a mark to be painted; `quick` while things move. */
 function markOf(stroke, edit, quick = false) {
-  const bent = edit.moves.length > 0;
-  const changed = bent || edit.wiggle > 0 || edit.thickness !== 1;
-  const base = changed ? baseLine(stroke, bent) : stroke.line;
+  const spacing = edit.moves.length ? DENSE : edit.wiggle ? SPACING : Infinity;
+  const changed = spacing < Infinity || edit.thickness !== 1;
+  const { line: base, frame } = baseOf(stroke, spacing);
   const line = edited(base, edit);
   const mark = { stroke, base, line, color: stroke.color, strip: stroke.strip, changed };
   if (mark.strip) {
-    const frame = changed ? frameOf(stroke, base, bent) : null;
     mark.margin = stroke.margin * edit.thickness;
-    mark.band = ribbonOf(line, mark.margin, frame, edit.thickness, quick);
+    mark.band = ribbonOf(line, mark.margin, changed ? frame() : null, edit.thickness, quick);
   }
   return mark;
 }
 
-function baseLine(stroke, bent) {
-  stroke.bases ??= [];
-  return (stroke.bases[+bent] ??= densified(stroke.line, bent ? DENSE : SPACING));
-}
-
-function frameOf(stroke, base, bent) {
-  stroke.frames ??= [];
-  return (stroke.frames[+bent] ??= textureFrame(base, stroke.margin));
+/** A stroke's line as it was, with points no further apart than `spacing`, and how its texture lies on it: kept. */
+function baseOf(stroke, spacing) {
+  stroke.bases ??= new Map();
+  if (!stroke.bases.has(spacing)) {
+    const line = spacing < Infinity ? densified(stroke.line, spacing) : stroke.line;
+    let frame = null;
+    stroke.bases.set(spacing, { line, frame: () => (frame ??= textureFrame(line, stroke.margin)) });
+  }
+  return stroke.bases.get(spacing);
 }
 
 // ---------------------------------------------------------------------------------------------------------- writing

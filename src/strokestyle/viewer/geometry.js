@@ -302,6 +302,8 @@ function pull(s, at, reach, total, closed) {
  */
 function edited(line, { thickness = 1, wiggle = 0, wavelength = 40, seed = 0, moves = [] }) {
   if (thickness === 1 && !wiggle && !moves.length) return line;
+  const width = line.width.map((w) => w * thickness);
+  if (!wiggle && !moves.length) return { ...line, width };
   const x = Float64Array.from(line.x);
   const y = Float64Array.from(line.y);
   const s = arcLength(line.x, line.y);
@@ -325,7 +327,7 @@ function edited(line, { thickness = 1, wiggle = 0, wavelength = 40, seed = 0, mo
     }
     if (line.closed) [x[x.length - 1], y[y.length - 1]] = [x[0], y[0]];
   }
-  return { x, y, width: line.width.map((w) => w * thickness), closed: line.closed };
+  return { x, y, width, closed: line.closed };
 }
 
 /** Indices of a line's points that serve as handles: where it bends, and never far apart. */
