@@ -68,7 +68,7 @@ def effect(name: str, offset_points: str) -> str:
         "inkscape:path-effect",
         {
             "effect": "powerstroke", "id": EFFECT + name, "is_visible": "true", "lpeversion": "1.3",
-            "scale_width": "1", "interpolator_type": "Linear", "interpolator_beta": "0.2",
+            "scale_width": "1", "interpolator_type": "CubicBezierJohan", "interpolator_beta": "0.2",
             "start_linecap_type": "round", "end_linecap_type": "round", "linejoin_type": "round", "miter_limit": "4",
             "sort_points": "true", "not_jump": "false", "offset_points": offset_points,
         },
