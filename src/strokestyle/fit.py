@@ -285,11 +285,11 @@ def learn_thickness(
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         network = AdditiveNet(features.shape[1], style.hidden)
-    trust = torch.tensor(guess.trust, dtype=torch.float32)
-    swell = torch.tensor(np.log(np.maximum(guess.thickness, 0.0) + HAIR), dtype=torch.float32)
+    trust = features.new_tensor(guess.trust)
+    swell = features.new_tensor(np.log(np.maximum(guess.thickness, 0.0) + HAIR))
     known = float(trust.sum())
-    network.base.data = (trust * swell).sum() / known if known > 0 else torch.tensor(np.log(3.0), dtype=torch.float32)
-    network, trust, swell = network.to(features.device), trust.to(features.device), swell.to(features.device)
+    network = network.to(features.device)
+    network.base.data = (trust * swell).sum() / known if known > 0 else features.new_tensor(np.log(3.0))
     optimiser = torch.optim.Adam(network.parameters(), lr=config.rate)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, config.rate, total_steps=config.steps, pct_start=0.2)
     for step in range(config.steps):

@@ -52,8 +52,8 @@ class PaperStyle:
             return Drawing(empty, size, np.zeros((0, 4)))
         device = next(self.path.parameters()).device
         with torch.no_grad():
-            maps = view_maps(view).to(device)
-            points, offsets = curve_features(view).to(device), torch.tensor(curves.offsets, device=device)
+            maps, points = view_maps(view, device), curve_features(view, device)
+            offsets = torch.tensor(curves.offsets, device=device)
             deep = padded(self.surface, maps)
             xy, thickness = stroke_geometry(self.path, deep, points, offsets)
             mask = 1.0 - coverage(xy, thickness, offsets, size[1], size[0])
@@ -85,20 +85,20 @@ class PaperStyle:
         return cls(**nets, about=about)
 
 
-def view_maps(view: View) -> Tensor:
+def view_maps(view: View, device: torch.device | str = "cpu") -> Tensor:
     """V in the paper: eight geometry maps and the plain raster, (1, 9, H, W); background and white are 1."""
     values = np.stack([*(view.maps[name] for name in PAPER_MAPS), 1.0 - view.maps["plain"]])
-    return torch.tensor(values, dtype=torch.float32)[None]
+    return torch.tensor(values, dtype=torch.float32, device=device)[None]
 
 
-def curve_features(view: View) -> Tensor:
+def curve_features(view: View, device: torch.device | str = "cpu") -> Tensor:
     """Per curve point (N, 7): x, y; tangent; normal; normalised arc length (sec. 3.2, "Path geometry module")."""
     curves = view.curves
     t = tangents(curves.xy, curves.offsets, curves.closed)
     along = arc_length(curves.xy, curves.offsets)
     length = np.maximum(curves.lengths(), 1e-6)[owner(curves.offsets)]
     columns = [curves.xy, t, np.stack([-t[:, 1], t[:, 0]], axis=1), (along / length)[:, None]]
-    return torch.tensor(np.concatenate(columns, axis=1), dtype=torch.float32)
+    return torch.tensor(np.concatenate(columns, axis=1), dtype=torch.float32, device=device)
 
 
 def stroke_geometry(

@@ -13,6 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from .checkpoint import Checkpoint
+from .curves import owner
 from .exemplar import Exemplar
 from .model import PatchDiscriminator, PathNet, SurfaceNet, TextureNet
 from .paper import PaperStyle, curve_features, padded, stroke_geometry, view_maps
@@ -85,7 +86,7 @@ def fit_paper(
         for network in (surface, path, texture, judge):
             _initialise(network)
     rng = np.random.default_rng(seed)
-    maps, points = view_maps(view).to(device), curve_features(view).to(device)
+    maps, points = view_maps(view, device), curve_features(view, device)
     offsets = torch.tensor(view.curves.offsets, device=device)
     mask = torch.tensor(1.0 - exemplar.mask, device=device)
     rgb = torch.tensor(exemplar.rgb, device=device).permute(2, 0, 1)[None]
@@ -152,8 +153,7 @@ def _train_geometry(surface, path, maps, points, view, mask, config, rng, report
     optimiser = torch.optim.Adam(parameters, config.rate, betas=(0.0, 0.99))
     steps, schedule = _schedule(optimiser, config.geometry_steps, config.geometry_decay, config.schedule)
     corners = {size: _corners(view, size) for size in _sizes(view, config)}
-    curve = torch.repeat_interleave(torch.arange(len(view.curves)), torch.tensor(np.diff(view.curves.offsets)))
-    xy, curve = view.curves.xy, curve.numpy()
+    xy, curve = view.curves.xy, owner(view.curves.offsets)
     learned = {"surface": surface, "path": path}
     training = {"optimiser": optimiser, "schedule": schedule}
     with checkpoint.watch("geometry", steps, learned, training, rng) as (remaining, passed):
