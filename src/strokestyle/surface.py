@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 from scipy.spatial import cKDTree
 
 from .creases import bends, creases
@@ -22,6 +22,7 @@ WELD = 1e-6  # of the longest side: boundary vertices nearer than this are one v
 THIN = 1e-4  # of the longest side: the normal of a lower face is mostly the rounding of its corners
 _CELLS = 2**21  # per axis: the grid on which equal positions are found; 3 x 21 bits fit an int64
 BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
+MANY_STEPS = 8  # of smoothing, before it pays to put vertices in order
 _TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a mesh of size 1
 
 
@@ -802,10 +803,19 @@ def _blur(edges: Edges, count: int, smooth: float):
         shape=(count, count),
     )
 
+    if steps < MANY_STEPS:
+        order = everyone
+    else:  # neighbours near each other in memory: twice as fast where the file strews them
+        order = reverse_cuthill_mckee(step, symmetric_mode=True)
+        step = step[order][:, order]
+
     def blur(values):
+        values = values[order]
         for _ in range(steps):
             values = step @ values
-        return values
+        out = np.empty_like(values)
+        out[order] = values
+        return out
 
     return blur
 
