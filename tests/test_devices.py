@@ -8,6 +8,7 @@ import torch
 from test_paper import TINY, a_drawing, a_view
 from torch.overrides import TorchFunctionMode
 
+from strokestyle.devices import pick_device, repeatable
 from strokestyle.fit import PRESETS, fit
 from strokestyle.raster import coverage
 
@@ -65,3 +66,23 @@ def test_the_watch_sees_what_it_is_for():
             at_home(wrong)
     with OnAnotherDevice():
         at_home("torch.zeros(3, device='cpu').cpu().numpy()")
+
+
+def test_a_device_that_is_not_there_is_named():
+    assert pick_device("cpu") == torch.device("cpu")
+    with pytest.raises(ValueError, match="auto, cpu or cuda"):
+        pick_device("tpu")
+    if not torch.cuda.is_available():
+        assert pick_device("auto") == torch.device("cpu")
+        with pytest.raises(ValueError, match="--device cpu"):
+            pick_device("cuda")
+
+
+def test_a_gpu_is_asked_to_repeat_itself_and_only_then(monkeypatch):
+    monkeypatch.setenv("CUBLAS_WORKSPACE_CONFIG", "")
+    with repeatable(torch.device("cpu")):
+        assert not torch.are_deterministic_algorithms_enabled()
+    with pytest.raises(KeyError), repeatable(torch.device("cuda")):
+        assert torch.are_deterministic_algorithms_enabled() and torch.is_deterministic_algorithms_warn_only_enabled()
+        raise KeyError
+    assert not torch.are_deterministic_algorithms_enabled()

@@ -1,11 +1,9 @@
 """Drawing needs no torch: what it computes is what the network of the fit computes."""
 
 import numpy as np
-import pytest
 import torch
 
 from strokestyle.model import AdditiveNet
-from strokestyle.paper import pick_device
 from strokestyle.style import SumOfCurves
 
 
@@ -19,13 +17,3 @@ def test_a_sum_of_curves_is_the_network_that_was_trained():
     with torch.no_grad():
         theirs = network(torch.tensor(points, dtype=torch.float32)).numpy()
     np.testing.assert_allclose(ours(points), theirs, atol=2e-5)
-
-
-def test_a_device_that_is_not_there_is_named():
-    assert pick_device("cpu") == torch.device("cpu")
-    with pytest.raises(ValueError, match="auto, cpu or cuda"):
-        pick_device("tpu")
-    if not torch.cuda.is_available():
-        assert pick_device("auto") == torch.device("cpu")
-        with pytest.raises(ValueError, match="--device cpu"):
-            pick_device("cuda")

@@ -19,10 +19,11 @@ from torch.nn import functional as F
 
 from . import __version__
 from .checkpoint import Checkpoint, digest
+from .devices import pick_device, repeatable
 from .exemplar import Exemplar
 from .model import AdditiveNet
 from .painting import rasterise
-from .paper import PaperStyle, pick_device
+from .paper import PaperStyle
 from .paper_fit import PaperConfig, fit_paper
 from .planning import Planned
 from .raster import coverage
@@ -115,7 +116,7 @@ def fit(
     view : the shape as it was drawn
     exemplar : the drawing, at the view's size
     config : one of PRESETS, or a change of it
-    seed : same seed, same style, bit for bit on one machine
+    seed : same seed, same style, bit for bit on one machine (the paper's networks on a GPU: but for rounding)
     device : "auto", "cpu" or "cuda"
     progress : called now and then
     source : the drawing's name, kept in the model
@@ -145,7 +146,8 @@ def fit(
         report = _Reporter(progress, config.geometry_steps + config.texture_steps)
         return fit_paper(view, exemplar, config, seed, device, report, about, checkpoint, until)
     report = _Reporter(progress, 2 * config.steps + config.trace_steps)
-    style, _ = learn(view, exemplar, config, seed, device, report, checkpoint, until)
+    with repeatable(device):
+        style, _ = learn(view, exemplar, config, seed, device, report, checkpoint, until)
     return replace(style, about=about)
 
 

@@ -162,14 +162,3 @@ def look_up(strokes: Strokes, image: np.ndarray) -> tuple[Texture, np.ndarray]:
         colors.append([*(ink * alpha[..., None]).sum((0, 1)) / weight, alpha[:, middle].mean()])
     rgba = (np.concatenate(strips) * 255.0 + 0.5).astype(np.uint8)
     return Texture(rgba, np.r_[0, np.cumsum(counts)], MARGIN), np.clip(colors, 0, 1)
-
-
-def pick_device(name: str) -> torch.device:
-    """ "auto" | "cpu" | "cuda" -> the device. Raises ValueError where it is not there."""
-    if name == "auto":
-        name = "cuda" if torch.cuda.is_available() else "cpu"
-    if name not in ("cpu", "cuda"):
-        raise ValueError(f"device must be auto, cpu or cuda, got {name!r}")
-    if name == "cuda" and not torch.cuda.is_available():
-        raise ValueError("device cuda: torch finds no CUDA device here; use --device cpu")
-    return torch.device(name)

@@ -389,7 +389,8 @@ def load_style(path: str | Path, device: str = "cpu") -> Style | PaperStyle:
             f"{__version__} (format {FORMAT}): update strokestyle"
         )
     if "paper" in payload or device not in ("auto", "cpu"):
-        from .paper import PaperStyle, pick_device
+        from .devices import pick_device
+        from .paper import PaperStyle
 
         place = pick_device(device)
     try:
