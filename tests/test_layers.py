@@ -7,7 +7,8 @@ import pytest
 
 SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 RANK = {
-    "files": 0, "camera": 0, "mesh_files": 0, "edges": 0, "curves": 0, "raster": 0, "model": 0, "cubics": 0, "palette": 0,
+    "files": 0, "camera": 0, "mesh_files": 0, "edges": 0, "curves": 0, "raster": 0, "model": 0,
+    "devices": 0, "cubics": 0, "palette": 0,
     "registration": 0, "isolines": 0,
     "intersections": 0, "creases": 0,
     "svg_text": 0, "svg_syntax": 0,
@@ -22,7 +23,7 @@ RANK = {
     "fit": 8,
     "cli": 9,
 }  # fmt: skip
-TORCH = {"checkpoint", "raster", "model", "paper", "paper_fit", "fit"}
+TORCH = {"checkpoint", "devices", "raster", "model", "paper", "paper_fit", "fit"}
 ONLY = {"resvg_py": {"svg"}, "click": {"cli"}, "rich": {"cli"}, "embreex": {"visibility"}}
 
 
