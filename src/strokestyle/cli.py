@@ -409,7 +409,9 @@ def fit(drawing, shape, output, preset, minutes, resume, seed, device, **options
                 minutes=minutes,
             )
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("interrupted; go on with --resume") from None
+        kept = checkpoint.path.exists()
+        text = "go on with --resume" if kept else "there was nothing to keep yet"
+        raise KeyboardInterrupt(f"interrupted; {text}") from None
     save_style(output, style)
     checkpoint.remove()
     _write_png(sheet, fit_sheet(view, exemplar, style))
