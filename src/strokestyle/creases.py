@@ -26,7 +26,8 @@ def bends(normals: np.ndarray, faces: np.ndarray, uses: np.ndarray, clash: np.nd
     clash : (E,) bool, edges about which no winding agrees: one of the normals is the wrong way round there
     """
     inner = np.flatnonzero(uses == 2)
-    cosine = np.einsum("ij,ij->i", *normals[faces[inner]].transpose(1, 0, 2))
+    f, g = faces[inner].T
+    cosine = np.einsum("ij,ij->i", normals[f], normals[g])
     cosine[clash[inner]] *= -1.0
     bend = np.zeros(len(uses))
     bend[inner] = np.arccos(np.clip(cosine, -1.0, 1.0))

@@ -413,12 +413,11 @@ def _cut(points: np.ndarray, faces: np.ndarray, edges: Edges, crease: float) -> 
     """Give each side of a sharp edge vertices of its own: faces (F, 3) over the new vertices, and their old ones (V,).
 
     Sharp are the `creases`, edges that meet in a tip, those that no winding can agree about, and those of more than two
-    faces. A vertex is repeated once for each group of its
-    faces that is joined through other edges, so that one sharp edge alone changes nothing.
+    faces. A vertex is repeated once for each group of its faces that is joined through other edges, so that one sharp
+    edge alone changes nothing.
     """
     count = len(points)
     inner = np.flatnonzero(edges.uses == 2)
-    f, g = edges.faces[inner].T
     normal = face_normals(points, faces, edges)
     clash = clashes(faces, edges)
     bend = bends(normal, edges.faces, edges.uses, clash)
@@ -433,12 +432,12 @@ def _cut(points: np.ndarray, faces: np.ndarray, edges: Edges, crease: float) -> 
     if not (sharp.any() or clash.any() or (edges.uses > 2).any()):
         return faces, np.arange(count)
     # corners of two faces belong together at both ends of an edge that is not cut
-    joined = ~(sharp | clash)
-    f, g, ends = f[joined], g[joined], edges.ends[inner[joined]]
+    joined = inner[~(sharp | clash)]
     links = []
-    for face in (f, g):
-        corner = [np.argmax(faces[face] == end[:, None], axis=1) for end in ends.T]
-        links.append(np.concatenate([3 * face + c for c in corner]))
+    for side in edges.sides[joined].T:
+        after = side - side % 3 + (side + 1) % 3
+        forward = faces.ravel()[side] == edges.ends[joined, 0]
+        links.append(np.r_[np.where(forward, side, after), np.where(forward, after, side)])
     graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(faces.size, faces.size))
     groups, group = connected_components(graph, directed=False)
     old = np.empty(groups, np.int64)
