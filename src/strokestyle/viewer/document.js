@@ -2,7 +2,6 @@
 
 const PATH_SLACK = 0.04; // px a centre line may be off where its attribute leaves points out
 const WIDTH_SLACK = 0.004; // px likewise for widths
-const CLIP_SLACK = 0.5; // px, tolerance of a clip: its edge lies where the texture is clear
 const ALPHAS = 16; // of an image of one ink
 const COLORS = 64; // of another
 const XLINK = "http://www.w3.org/1999/xlink";
@@ -25,7 +24,7 @@ async function readStroke(element, number) {
   const [x, y] = readPath(element.getAttribute("data-ss-path"));
   const closed = element.getAttribute("data-ss-closed") === "1";
   const fill = element.getAttribute("fill") ?? "#000000";
-  const opacity = Number(element.getAttribute("fill-opacity") ?? 1);
+  const opacity = Number(element.getAttribute("data-ss-opacity") ?? element.getAttribute("fill-opacity") ?? 1);
   const color = [1, 3, 5].map((i) => parseInt(fill.slice(i, i + 2), 16) / 255).concat(opacity);
   const strip = element.hasAttribute("data-ss-texture")
     ? readStrip(await readPng(bytesOf(element.getAttribute("data-ss-texture"))))
@@ -150,17 +149,10 @@ async function writeDrawing(drawing, marks) {
   return `<?xml version="1.0" encoding="utf-8"?>\n${new XMLSerializer().serializeToString(xml.documentElement)}\n`;
 }
 
-function clipOf(element) {
-  const id = /^url\(#(.+)\)$/.exec(element.getAttribute("clip-path") ?? "")?.[1];
-  return id ? element.ownerDocument.getElementById(id) : null;
-}
-
 function removeStroke(element) {
   const layer = element.parentNode;
-  for (const gone of [clipOf(element), element]) {
-    if (gone?.previousSibling?.nodeType === Node.TEXT_NODE) gone.previousSibling.remove();
-    gone?.remove();
-  }
+  if (element.previousSibling?.nodeType === Node.TEXT_NODE) element.previousSibling.remove(); // its line
+  element.remove();
   if (layer.localName === "g" && !layer.children.length) removeStroke(layer);
 }
 
@@ -185,8 +177,8 @@ async function writeStroke(element, mark, options) {
   element.setAttribute("data-ss-texture", base64Of(png));
   element.setAttribute("data-ss-margin", numberText(mark.margin, 3));
   const final = { ...mark, strip, band: ribbonOf(line, mark.margin), ready: null };
-  if (element.querySelector("image")) await writeImage(element, final, options);
-  else writeTones(element, final, options);
+  if (options.get("texture") === "vector") writeTones(element, final, options);
+  else await writeImage(element, final, options);
 }
 
 /** The texture of a changed stroke as a reader will lay it: afresh along the new line. */
@@ -238,8 +230,7 @@ function colorPng({ rows, columns, data }) {
 
 /** The stroke as a raster of its own. */
 async function writeImage(element, mark, options) {
-  const resolution = Number(options.get("texture-res") ?? options.get("texture_res") ?? 2);
-  const image = element.querySelector("image");
+  const resolution = Number(options.get("texture_res") ?? 2);
   const view = { scale: resolution, x: 0, y: 0 };
   const made = pixelsOf(mark, view, boxOf(mark, view));
   let png;
@@ -259,11 +250,10 @@ async function writeImage(element, mark, options) {
     png = await writePng(made.w, made.h, index, palette);
   }
   const box = { x: made.x0, y: made.y0, width: made.w, height: made.h };
+  const image = element.ownerDocument.createElementNS(SVG, "image");
   for (const [name, value] of Object.entries(box)) image.setAttribute(name, numberText(value / resolution, 3));
-  const href = `data:image/png;base64,${base64Of(png)}`;
-  if (image.hasAttributeNS(XLINK, "href")) image.setAttributeNS(XLINK, "xlink:href", href);
-  else image.setAttribute("href", href);
-  const clip = clipOf(element)?.querySelector("path");
-  const wide = { ...mark.line, width: halfWidths(mark.line, mark.margin).map((h) => 2 * h) };
-  if (clip) clip.setAttribute("d", ringsText(outlineOf(wide, CLIP_SLACK), 1));
+  image.setAttribute("preserveAspectRatio", "none");
+  image.setAttributeNS(XLINK, "xlink:href", `data:image/png;base64,${base64Of(png)}`);
+  element.removeAttribute("clip-path");
+  element.replaceChildren("\n", image);
 }

@@ -1,6 +1,10 @@
-// A texture's tones as paths: regions of more than so much opacity, contoured in u and v and laid along the ribbon.
+// A texture as true paths, as tones.py makes them: regions of even tone, contoured in u and v and laid along the ribbon.
 
-const TONE_SLACK = 0.12; // px a contour may be off where points are left out
+const SLACK = 2; // times the tolerance of an outline: how far the edge of a tone may be off
+const SPECK = 3; // times the slack squared: regions and holes of less area are left out
+const GRID = 5; // polygon points a px; the middles of its sides then have one decimal
+const FOLD = 0.97; // of the radius of a bend, from its inside: texels beyond it would be laid upside down
+const CLEAR = 3 / 255; // opacity that nobody sees
 
 // of a cell's corners a (row, column), b (column + 1), c (both + 1), d (row + 1), those inside, as bits 1, 2, 4, 8:
 // the pieces of contour, from edge to edge (0 a-b, 1 b-c, 2 c-d, 3 d-a), all with the inside on the same hand
@@ -54,48 +58,171 @@ function contours(field, rows, columns, level, wrap) {
   return rings;
 }
 
+/** Texels averaged with their neighbours, 1 2 1 along and across: what is finer is no shape to draw. */
+function evened(alpha, rows, columns, wrap) {
+  const along = new Float32Array(alpha.length);
+  const out = new Float32Array(alpha.length);
+  for (let r = 0; r < rows; r++) {
+    const [before, after] = wrap
+      ? [(r + rows - 1) % rows, (r + 1) % rows]
+      : [Math.max(r - 1, 0), Math.min(r + 1, rows - 1)];
+    for (let c = 0; c < columns; c++) {
+      const [a, b] = [alpha[before * columns + c], alpha[after * columns + c]];
+      along[r * columns + c] = 0.5 * alpha[r * columns + c] + 0.25 * (a + b);
+    }
+  }
+  for (let k = 0; k < out.length; k++) {
+    const c = k % columns;
+    out[k] = 0.5 * along[k] + 0.25 * ((c ? along[k - 1] : 0) + (c < columns - 1 ? along[k + 1] : 0));
+  }
+  return out;
+}
+
+/**
+ * The opacities that a stroke's tones add up to, and the thresholds between them: {level, threshold}, for alpha in 0..255.
+ * Least squares on the histogram of opacity (Lloyd 1982), then all are raised until the stroke is as dark as its texture.
+ */
+function levelsOf(alpha, count) {
+  const below = new Float64Array(257);
+  const mass = new Float64Array(257);
+  for (const a of alpha) below[Math.round(a) + 1]++;
+  for (let k = 0; k < 256; k++) {
+    mass[k + 1] = mass[k] + (below[k + 1] * k) / 255;
+    below[k + 1] += below[k];
+  }
+  let level = Array.from({ length: count }, (_, k) => {
+    let bin = 0;
+    while (bin < 255 && mass[bin + 1] < ((k + 0.5) / count) * mass[256]) bin++;
+    return Math.max(bin / 255, 2 * CLEAR);
+  });
+  let threshold = level;
+  let shown = 0;
+  for (let round = 0; round < 20; round++) {
+    threshold = level.map((value, k) => (value + (k ? level[k - 1] : 0)) / 2);
+    const cut = [...threshold.map((value) => Math.ceil(value * 255)), 256];
+    shown = 0;
+    level = level.map((value, k) => {
+      const number = below[cut[k + 1]] - below[cut[k]];
+      const mean = number > 0 ? (mass[cut[k + 1]] - mass[cut[k]]) / number : value;
+      shown += number * mean;
+      return mean;
+    });
+  }
+  const raise = Math.min(Math.max(mass[256] / Math.max(shown, 1e-9), 1), 1.25);
+  return { level: level.map((value) => Math.min(value * raise, 1)), threshold: threshold.map((t) => Math.max(t, CLEAR)) };
+}
+
+/** The colour of each tone, so that over those beneath it shows what the texture has there on average. */
+function tonesColors(strip, smooth, { level, threshold }, ink) {
+  const byte = (value) => Math.round(255 * Math.min(Math.max(value, 0), 1));
+  if (strip.alpha) return level.map(() => ink.slice(0, 3).map(byte));
+  const sums = level.map(() => [0, 0, 0, 0]); // premultiplied
+  for (let k = 0; k < smooth.length; k++) {
+    const tone = threshold.filter((t) => smooth[k] >= 255 * t).length - 1;
+    if (tone >= 0) for (let c = 0; c < 4; c++) sums[tone][c] += strip.data[4 * k + c];
+  }
+  let [under, clear] = [[0, 0, 0], 1];
+  return level.map((value, k) => {
+    const left = (1 - value) / Math.max(clear, 1e-6); // of what is beneath
+    const wanted = [0, 1, 2].map((c) => value * (sums[k][3] > 0 ? sums[k][c] / sums[k][3] : ink[c]));
+    const color = wanted.map((w, c) => byte((w - left * under[c]) / Math.max(1 - left, 1e-3)));
+    [under, clear] = [wanted, 1 - value];
+    return color;
+  });
+}
+
 /** Where u in [0, 1] and v in [-1, 1] lie on a ribbon: a function of both. Normals turn evenly round its bends. */
 function layOut(band) {
-  const { x, y, half, along, length } = band;
+  const { x, y, half, along, length, closed } = band;
   const n = x.length - 1;
-  const [middle, tx, ty] = [new Float64Array(n), new Float64Array(n), new Float64Array(n)];
-  for (let k = 0; k < n; k++) {
-    const size = along[k + 1] - along[k] || 1;
-    [middle[k], tx[k], ty[k]] = [(along[k] + along[k + 1]) / 2, (x[k + 1] - x[k]) / size, (y[k + 1] - y[k]) / size];
-  }
+  const headings = [];
+  const middles = [];
+  const put = (k, shift) => {
+    const angle = Math.atan2(y[k + 1] - y[k], x[k + 1] - x[k]);
+    const last = headings.length ? headings[headings.length - 1] : angle;
+    headings.push(last + Math.atan2(Math.sin(angle - last), Math.cos(angle - last)));
+    middles.push((along[k] + along[k + 1]) / 2 + shift);
+  };
+  if (closed) put(n - 1, -length);
+  for (let k = 0; k < n; k++) put(k, 0);
+  if (closed) put(0, length);
+  const [heading, middle] = [Float64Array.from(headings), Float64Array.from(middles)];
+  const bend = heading.map((h, k) => (k ? (h - heading[k - 1]) / Math.max(middle[k] - middle[k - 1], 1e-9) : 0));
   const where = new Float64Array(1);
   return (u, v) => {
-    where[0] = Math.min(Math.max(u, 0), 1) * length;
+    where[0] = (closed ? u - Math.floor(u) : Math.min(Math.max(u, 0), 1)) * length;
     const [[px], [py], [h]] = interp(where, along, x, y, half);
-    const [[dx], [dy]] = interp(where, middle, tx, ty);
-    const across = (Math.min(Math.max(v, -1), 1) * h) / (Math.hypot(dx, dy) || 1);
-    return [px - across * dy, py + across * dx];
+    const [[angle]] = interp(where, middle, heading);
+    const piece = middle.findIndex((m) => m > where[0]);
+    const curvature = piece > 0 ? bend[piece] : 0;
+    let across = Math.min(Math.max(v, -1), 1) * h;
+    if (across * curvature > FOLD) across = FOLD / curvature; // inside of a bend all lie on the bend's own centre
+    return [px - across * Math.sin(angle), py + across * Math.cos(angle)];
   };
 }
 
-/** One path for each tone; the paths that were there say how many there are and how opaque. */
+/** A stroke's texture in `tones` tones, in place of those that were there. */
 function writeTones(element, mark, options) {
-  const decimals = Math.min(Number(options.get("decimals") ?? 2), 2);
+  const count = Number(options.get("tones") ?? 3);
+  const slack = SLACK * Number(options.get("tolerance") ?? 0.1);
   const { strip, band } = mark;
   const { rows, columns } = strip;
-  const field = strip.alpha ?? strip.data.filter((_, i) => i % 4 === 3);
+  const alpha = strip.alpha ?? strip.data.filter((_, i) => i % 4 === 3);
+  const smooth = evened(alpha, rows, columns, band.closed);
+  const levels = levelsOf(smooth, count);
+  const colors = tonesColors(strip, smooth, levels, mark.color);
   const place = layOut(band);
-  let below = 0; // opacity of the tones painted so far
-  for (const path of element.querySelectorAll("path")) {
-    const opacity = Number(path.getAttribute("fill-opacity") ?? 1);
-    const above = 1 - (1 - below) * (1 - opacity);
-    const rings = contours(field, rows, columns, (255 * (below + above)) / 2, band.closed).map((ring) => {
-      const points = ring.map(([r, c]) => place((r + 0.5) / rows, (2 * c + 1) / columns - 1));
-      return points.concat([points[0]]);
-    });
-    below = above;
-    const parts = rings.map((ring) => {
-      const [x, y] = [0, 1].map((k) => Float64Array.from(ring, (point) => point[k]));
-      const keep = simplifiedRing(x, y, TONE_SLACK);
-      return keep.length > 2 ? `${pathText(taken(x, keep), taken(y, keep), decimals)}z` : "";
-    });
-    path.setAttribute("d", parts.join(""));
-  }
+  element.replaceChildren();
+  levels.level.forEach((level, k) => {
+    const rings = contours(smooth, rows, columns, 255 * levels.threshold[k], band.closed);
+    const d = rings.map((ring) => splineText(ring.map(([r, c]) => place((r + 0.5) / rows, (2 * c + 1) / columns - 1)), slack));
+    if (!d.some((text) => text)) return;
+    const path = element.ownerDocument.createElementNS(SVG, "path");
+    const opacity = 1 - (1 - level) / Math.max(k ? 1 - levels.level[k - 1] : 1, 1e-6);
+    path.setAttribute("fill", `#${colors[k].map((byte) => byte.toString(16).padStart(2, "0")).join("")}`);
+    path.setAttribute("fill-opacity", numberText(Math.min(Math.max(opacity, 0), 1), 2));
+    path.setAttribute("fill-rule", "nonzero");
+    path.setAttribute("d", d.join(""));
+    element.append("\n", path);
+  });
+}
+
+/** A ring of points as a closed uniform quadratic B-spline within `slack` px of it; nothing where it is a speck. */
+function splineText(points, slack) {
+  let area = 0;
+  points.forEach(([x, y], i) => {
+    const [ax, ay] = points[(i + 1) % points.length];
+    area += (x * ay - y * ax) / 2;
+  });
+  if (Math.abs(area) <= SPECK * slack * slack) return "";
+  const ring = points.concat([points[0]]);
+  const [x, y] = [0, 1].map((k) => Float64Array.from(ring, (point) => point[k]));
+  const kept = simplifiedRing(x, y, slack).map((i) => points[i % points.length]);
+  const n = kept.length;
+  // at the middle of its piece the spline is (before + 6 here + after) / 8: it shall be where the contour was
+  let polygon = kept.map(([px, py], i) => {
+    const [before, after] = [kept[(i + n - 1) % n], kept[(i + 1) % n]];
+    return [1.25 * px - 0.125 * (before[0] + after[0]), 1.25 * py - 0.125 * (before[1] + after[1])];
+  });
+  polygon = polygon.map((point) => point.map((value) => Math.round(GRID * value)));
+  polygon = polygon.filter(([px, py], i) => {
+    const last = polygon[(i + polygon.length - 1) % polygon.length];
+    return px !== last[0] || py !== last[1];
+  });
+  if (polygon.length < 3) return "";
+  const middles = polygon.map(([px, py], i) => {
+    const next = polygon[(i + 1) % polygon.length];
+    return [px + next[0], py + next[1]]; // in units of 1 / (2 GRID) px
+  });
+  const text = (value) => numberText(value / (2 * GRID), 1);
+  const from = middles[middles.length - 1];
+  const steps = middles.map((point, i) => {
+    const last = i ? middles[i - 1] : from;
+    return `${text(point[0] - last[0])} ${text(point[1] - last[1])}`;
+  });
+  const control = polygon[0].map((value, k) => text(2 * value - from[k])).join(" ");
+  const d = `M${text(from[0])} ${text(from[1])}q${control} ${steps[0]}t${steps.slice(1).join(" ")}z`;
+  return d.replaceAll(" -", "-");
 }
 
 /** `simplified` of a ring, which repeats its first point: cut in two where it is widest; the last index is left out. */
