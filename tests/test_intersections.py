@@ -157,6 +157,12 @@ def test_skins_that_touch_draw_no_lines(lay):
         assert len(intersection_segments(surface, LineOptions())) == 0
 
 
+def test_a_heap_of_faces_has_none():
+    vertices, faces, group = scatter(400, size=2.0)
+    assert len(crossings(vertices, faces, group)) == 0
+    assert len(crossings(*scatter(20, size=2.0))) > 0
+
+
 def test_nothing_much_is_no_trouble():
     for shape in (shapes.plane(), shapes.cube(2), shapes.moebius()):
         surface = make_surface(*shape)

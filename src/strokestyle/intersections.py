@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 TOUCH = 1e-6  # of the longest side: corners nearer than this to a face's plane lie in it
 LEAST_ANGLE = 0.02  # sine of the angle between two faces; below it they lie on each other, and cross anywhere
-CHUNK = 1 << 20  # pairs looked at together: bounds memory however many boxes overlap
+MOST = 4  # crossings per face
+CHUNK = 1 << 18  # pairs looked at together: bounds memory however many boxes overlap
 
 
 @dataclass(frozen=True)
@@ -42,11 +43,17 @@ def crossings(vertices: np.ndarray, faces: np.ndarray, group: np.ndarray) -> Cro
     faces : (F, 3) int
     group : (F,) int, faces of one group are not asked about each other
 
-    Faces at almost no angle (coplanar, repeated) do not cross, nor do those that only touch.
+    Faces at almost no angle (coplanar, repeated) do not cross, nor do those that only touch. Where there are more than
+    MOST crossings per face, the mesh is a heap of faces and no shape made of parts: none is returned.
     """
     corner = vertices[faces]
-    pairs = overlapping_boxes(corner.min(axis=1), corner.max(axis=1), group)
-    found = [_cross(corner, chunk) for chunk in pairs]
+    found, count = [], 0
+    for pairs in overlapping_boxes(corner.min(axis=1), corner.max(axis=1), group):
+        found.append(_cross(corner, pairs))
+        count += len(found[-1][0])
+        if count > MOST * len(faces):
+            found = []
+            break
     face = np.concatenate([np.zeros((0, 2), np.int64), *(face for face, _ in found)])
     points = np.concatenate([np.zeros((0, 2, 3)), *(points for _, points in found)])
     order = np.lexsort(face.T[::-1])
