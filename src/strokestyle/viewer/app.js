@@ -150,7 +150,12 @@ function showCanvas(canvas, picture, marks) {
   const [w, h] = current.drawing.size;
   const sides = { left: x, top: y, width: zoom * w, height: zoom * h };
   for (const [side, value] of Object.entries(sides)) byId("paper").style[side] = `${value}px`;
-  shown = { canvas, marks, camera: current.camera, size: `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}` };
+  shown = {
+    canvas,
+    marks,
+    camera: current.camera,
+    size: `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}`,
+  };
 }
 
 function marksWanted(quick) {
@@ -236,7 +241,10 @@ function placeHandles() {
   const stroke = current.drawing.strokes[number];
   const mark = markNow(current, stroke, current.edit);
   const { line } = mark;
-  const points = Array.from(line.x, (value, i) => `${(zoom * value + x).toFixed(1)} ${(zoom * line.y[i] + y).toFixed(1)}`);
+  const points = Array.from(
+    line.x,
+    (value, i) => `${(zoom * value + x).toFixed(1)} ${(zoom * line.y[i] + y).toFixed(1)}`,
+  );
   spine.setAttribute("d", `M${points.join("L")}`);
   if (number !== selected) {
     handles.replaceChildren();
@@ -499,7 +507,8 @@ function nudge(stroke, at, dx, dy) {
   const { moves } = strokeEdit(current.edit, stroke.number);
   const last = moves[moves.length - 1];
   const reach = Number(byId("reach").value);
-  if (last && last.at === at && last.reach === reach) bend(stroke.number, moves.slice(0, -1), at, last.dx + dx, last.dy + dy, name);
+  if (last && last.at === at && last.reach === reach)
+    bend(stroke.number, moves.slice(0, -1), at, last.dx + dx, last.dy + dy, name);
   else bend(stroke.number, moves, at, dx, dy, name);
 }
 
@@ -520,7 +529,11 @@ function removeSelected() {
 // ------------------------------------------------------------------------------------------------------ the controls
 
 const SLIDERS = {
-  thickness: { text: (v) => `× ${(2 ** v).toFixed(2)}`, get: (edit) => Math.log2(edit.thickness), set: (v) => ({ thickness: 2 ** v }) },
+  thickness: {
+    text: (v) => `× ${(2 ** v).toFixed(2)}`,
+    get: (edit) => Math.log2(edit.thickness),
+    set: (v) => ({ thickness: 2 ** v }),
+  },
   wiggle: { text: (v) => `${v.toFixed(1)} px`, get: (edit) => edit.wiggle, set: (v) => ({ wiggle: v }) },
   wavelength: { text: (v) => `${v.toFixed(0)} px`, get: (edit) => edit.wavelength, set: (v) => ({ wavelength: v }) },
 };

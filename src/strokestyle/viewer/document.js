@@ -45,7 +45,10 @@ function readPath(data) {
 
 /** A line with the widths of `data-ss-width`: one a point, or "t,w ..." of which every t becomes a point. */
 function widened(x, y, data, closed) {
-  const pairs = data.trim().split(/\s+/).map((pair) => pair.split(",").map(Number));
+  const pairs = data
+    .trim()
+    .split(/\s+/)
+    .map((pair) => pair.split(",").map(Number));
   if (!data.includes(",")) return { x, y, width: Float64Array.from(pairs, ([w]) => w), closed };
   const s = arcLength(x, y);
   const total = s[s.length - 1];
@@ -126,11 +129,15 @@ function pathText(x, y, decimals) {
 
 function ringsText(rings, decimals) {
   const unit = 10 ** decimals;
-  const parts = rings.filter((ring) => ring.length).map((ring) => {
-    const whole = ring.map((cubic) => cubic.map((p) => Math.round(p * unit)));
-    const text = whole.map((c) => [2, 3, 4, 5, 6, 7].map((i) => numberText((c[i] - c[i % 2]) / unit, decimals)).join(" "));
-    return `M${whole[0][0] / unit} ${whole[0][1] / unit}c${text.join(" ")}z`;
-  });
+  const parts = rings
+    .filter((ring) => ring.length)
+    .map((ring) => {
+      const whole = ring.map((cubic) => cubic.map((p) => Math.round(p * unit)));
+      const text = whole.map((c) =>
+        [2, 3, 4, 5, 6, 7].map((i) => numberText((c[i] - c[i % 2]) / unit, decimals)).join(" "),
+      );
+      return `M${whole[0][0] / unit} ${whole[0][1] / unit}c${text.join(" ")}z`;
+    });
   return parts.join("").replaceAll(" -", "-");
 }
 
@@ -164,8 +171,17 @@ async function writeStroke(element, mark, options) {
   const total = along[along.length - 1];
   const points = simplified([line.x, line.y], PATH_SLACK);
   const keep = simplified([along, line.width], WIDTH_SLACK);
-  const pairs = keep.map((i) => `${numberText(total ? along[i] / total : i && 1, 5)},${numberText(line.width[i], decimals)}`);
-  element.setAttribute("data-ss-path", pathText(points.map((i) => line.x[i]), points.map((i) => line.y[i]), decimals));
+  const pairs = keep.map(
+    (i) => `${numberText(total ? along[i] / total : i && 1, 5)},${numberText(line.width[i], decimals)}`,
+  );
+  element.setAttribute(
+    "data-ss-path",
+    pathText(
+      points.map((i) => line.x[i]),
+      points.map((i) => line.y[i]),
+      decimals,
+    ),
+  );
   element.setAttribute("data-ss-width", pairs.join(" "));
   element.removeAttribute("data-ss-at");
   if (!mark.strip) {

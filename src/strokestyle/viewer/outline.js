@@ -41,7 +41,7 @@ function offsetRing(px, py, r, turn, tolerance) {
     const meet = swing > 1e-9 && Math.abs(cross) > 1e-12 && s >= 0 && s <= 1 && t >= 0 && t <= 1;
     joint.push({ swing, s, t, meet, x: a.ax + s * ux, y: a.ay + s * uy });
   }
-  for (let lost = true; lost; ) {
+  for (let lost = true; lost;) {
     // a segment cut at both ends must keep something: else the bend is tighter than the stroke is wide
     lost = false;
     for (let k = 0; k < n; k++) {
@@ -81,12 +81,21 @@ function offsetRing(px, py, r, turn, tolerance) {
 
 /** The outline of a line as rings of cubics [[x0, y0, x1, y1, x2, y2, x3, y3], ...], to be filled by the nonzero rule. */
 function outlineOf(line, tolerance) {
-  let [x, y, r] = distinct(line.x, line.y, line.width.map((w) => w / 2));
+  let [x, y, r] = distinct(
+    line.x,
+    line.y,
+    line.width.map((w) => w / 2),
+  );
   let n = x.length;
   const walks = [];
   let closed = line.closed && n > 3;
   if (n === 1) {
-    [x, y, r, n] = [Float64Array.of(x[0] - 5e-4, x[0] + 5e-4), Float64Array.of(y[0], y[0]), Float64Array.of(r[0], r[0]), 2];
+    [x, y, r, n] = [
+      Float64Array.of(x[0] - 5e-4, x[0] + 5e-4),
+      Float64Array.of(y[0], y[0]),
+      Float64Array.of(r[0], r[0]),
+      2,
+    ];
   }
   const forth = Array.from({ length: n }, (_, i) => i);
   if (closed) {

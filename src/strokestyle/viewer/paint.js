@@ -25,7 +25,12 @@ function prepared(mark) {
   const { x, y } = mark.strip ? mark.band : mark.line;
   const radius = mark.strip ? mark.band.half : mark.line.width.map((w) => w / 2);
   const n = x.length - 1;
-  const [tx, ty, length, over] = [new Float64Array(n), new Float64Array(n), new Float64Array(n), new Float64Array(n + 1)];
+  const [tx, ty, length, over] = [
+    new Float64Array(n),
+    new Float64Array(n),
+    new Float64Array(n),
+    new Float64Array(n + 1),
+  ];
   const arms = [0];
   let [heading, low, high] = [0, 0, 0];
   const box = [x[0], y[0], x[0], y[0]];
@@ -132,7 +137,11 @@ function flatPixels(mark, view, { x0, y0, w, h }) {
     for (let row = Math.max(0, Math.ceil(up - ry0)); row <= last; row++) {
       const ry = ry0 + row;
       const end = Math.min(w - 1, Math.floor(Math.min(ry * cot + across, high - ry * tan) - rx0));
-      for (let column = Math.max(0, Math.ceil(Math.max(ry * cot - across, low - ry * tan) - rx0)); column <= end; column++) {
+      for (
+        let column = Math.max(0, Math.ceil(Math.max(ry * cot - across, low - ry * tan) - rx0));
+        column <= end;
+        column++
+      ) {
         const rx = rx0 + column;
         const t = rx * tx + ry * ty;
         const side = Math.abs(ry * tx - rx * ty);
@@ -189,7 +198,11 @@ function texturePixels(mark, view, { x0, y0, w, h }) {
       for (let row = Math.max(0, Math.ceil(up - ry0)); row <= last; row++) {
         const ry = ry0 + row;
         const stop = Math.min(w - 1, Math.floor(Math.min(ry * cot + wide, high - ry * tan) - rx0));
-        for (let column = Math.max(0, Math.ceil(Math.max(ry * cot - wide, low - ry * tan) - rx0)); column <= stop; column++) {
+        for (
+          let column = Math.max(0, Math.ceil(Math.max(ry * cot - wide, low - ry * tan) - rx0));
+          column <= stop;
+          column++
+        ) {
           const rx = rx0 + column;
           const t = rx * tx + ry * ty;
           const side = ry * tx - rx * ty;

@@ -27,17 +27,19 @@ async function readPng(bytes) {
   let [width, height, bits, type] = [0, 0, 0, 0];
   let [colors, alphas] = [null, new Uint8Array()];
   const packed = [];
-  for (let at = 8; at + 12 <= bytes.length; ) {
+  for (let at = 8; at + 12 <= bytes.length;) {
     const size = view.getUint32(at);
     const name = String.fromCharCode(...bytes.subarray(at + 4, at + 8));
     const body = bytes.subarray(at + 8, at + 8 + size);
-    if (name === "IHDR") [width, height, bits, type] = [view.getUint32(at + 8), view.getUint32(at + 12), body[8], body[9]];
+    if (name === "IHDR")
+      [width, height, bits, type] = [view.getUint32(at + 8), view.getUint32(at + 12), body[8], body[9]];
     if (name === "PLTE") colors = body;
     if (name === "tRNS") alphas = body;
     if (name === "IDAT") packed.push(body);
     at += 12 + size;
   }
-  if ((type !== 0 && type !== 3) || ![1, 2, 4, 8].includes(bits)) throw new Error("a texture is neither grey nor palette");
+  if ((type !== 0 && type !== 3) || ![1, 2, 4, 8].includes(bits))
+    throw new Error("a texture is neither grey nor palette");
   const raw = await piped(new Blob(packed), new DecompressionStream("deflate"));
   const stride = Math.ceil((width * bits) / 8);
   const index = new Uint8Array(width * height);
@@ -53,7 +55,10 @@ async function readPng(bytes) {
   }
   let palette = null;
   if (type === 3) {
-    palette = Array.from({ length: colors.length / 3 }, (_, k) => [...colors.subarray(3 * k, 3 * k + 3), alphas[k] ?? 255]);
+    palette = Array.from({ length: colors.length / 3 }, (_, k) => [
+      ...colors.subarray(3 * k, 3 * k + 3),
+      alphas[k] ?? 255,
+    ]);
   }
   return { width, height, index, levels: (1 << bits) - 1, palette };
 }
@@ -93,7 +98,12 @@ async function writePng(width, height, index, palette) {
   const parts = [Uint8Array.from(PNG_HEAD), pngChunk("IHDR", head)];
   if (palette) {
     parts.push(pngChunk("PLTE", Uint8Array.from(palette.flatMap((color) => color.slice(0, 3)))));
-    parts.push(pngChunk("tRNS", Uint8Array.from(palette, (color) => color[3])));
+    parts.push(
+      pngChunk(
+        "tRNS",
+        Uint8Array.from(palette, (color) => color[3]),
+      ),
+    );
   }
   parts.push(pngChunk("IDAT", await piped(raw, new CompressionStream("deflate"))), pngChunk("IEND", new Uint8Array()));
   return new Uint8Array(await new Blob(parts).arrayBuffer());

@@ -8,11 +8,14 @@ const CLEAR = 3 / 255; // opacity that nobody sees
 
 // of a cell's corners a (row, column), b (column + 1), c (both + 1), d (row + 1), those inside, as bits 1, 2, 4, 8:
 // the pieces of contour, from edge to edge (0 a-b, 1 b-c, 2 c-d, 3 d-a), all with the inside on the same hand
+// prettier-ignore
 const PIECES = [
   [], [[3, 0]], [[0, 1]], [[3, 1]], [[1, 2]], [[3, 0], [1, 2]], [[0, 2]], [[3, 2]],
   [[2, 3]], [[2, 0]], [[0, 1], [2, 3]], [[2, 1]], [[1, 3]], [[1, 0]], [[0, 3]], [],
-]; // prettier-ignore
-const JOINED = { 5: [[3, 2], [1, 0]], 10: [[0, 3], [2, 1]] }; // the same where the cell's middle is inside
+];
+// the same where the cell's middle is inside
+// prettier-ignore
+const JOINED = { 5: [[3, 2], [1, 0]], 10: [[0, 3], [2, 1]] };
 
 /** Rings [[row, column], ...] round what is above `level` in a field (rows, columns); rows go round and round if `wrap`. */
 function contours(field, rows, columns, level, wrap) {
@@ -109,7 +112,10 @@ function levelsOf(alpha, count) {
     });
   }
   const raise = Math.min(Math.max(mass[256] / Math.max(shown, 1e-9), 1), 1.25);
-  return { level: level.map((value) => Math.min(value * raise, 1)), threshold: threshold.map((t) => Math.max(t, CLEAR)) };
+  return {
+    level: level.map((value) => Math.min(value * raise, 1)),
+    threshold: threshold.map((t) => Math.max(t, CLEAR)),
+  };
 }
 
 /** The colour of each tone, so that over those beneath it shows what the texture has there on average. */
@@ -175,7 +181,12 @@ function writeTones(element, mark, options) {
   element.replaceChildren();
   levels.level.forEach((level, k) => {
     const rings = contours(smooth, rows, columns, 255 * levels.threshold[k], band.closed);
-    const d = rings.map((ring) => splineText(ring.map(([r, c]) => place((r + 0.5) / rows, (2 * c + 1) / columns - 1)), slack));
+    const d = rings.map((ring) =>
+      splineText(
+        ring.map(([r, c]) => place((r + 0.5) / rows, (2 * c + 1) / columns - 1)),
+        slack,
+      ),
+    );
     if (!d.some((text) => text)) return;
     const path = element.ownerDocument.createElementNS(SVG, "path");
     const opacity = 1 - (1 - level) / Math.max(k ? 1 - levels.level[k - 1] : 1, 1e-6);
@@ -233,5 +244,7 @@ function simplifiedRing(x, y, tolerance) {
   }
   const half = (from, to) => simplified([x.slice(from, to + 1), y.slice(from, to + 1)], tolerance).map((i) => i + from);
   if (!far) return [0];
-  return half(0, far).slice(0, -1).concat(half(far, x.length - 1).slice(0, -1));
+  return half(0, far)
+    .slice(0, -1)
+    .concat(half(far, x.length - 1).slice(0, -1));
 }
