@@ -651,7 +651,8 @@ def view(files, output, show):
     for name, file in zip(_short_names(files), files, strict=True):
         found = read_file(sys.stdin.buffer.read() if file == "-" else file)
         with stage(f"write {name} anew"):
-            drawings.append((name, write_svg(found.drawing, found.options, ids=found.ids)))
+            # Inkscape's live effect is left out: the page could not keep it in step with the outline
+            drawings.append((name, write_svg(found.drawing, found.options, ids=found.ids, inkscape_lpe=False)))
     text = page_html(drawings)
     if output == "-":
         click.echo(text, nl=False)
