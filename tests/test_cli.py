@@ -102,7 +102,7 @@ def test_what_help_says_is_what_the_library_does():
         (["extract", "x.npz", "-o", "x.png", "--fov", "30"], ["saved view", "--fov"]),
         (["fit", "a.png"], ["SHAPE"]),
         (["fit", "a.png", "b.obj", "--preset", "slow"], ["quick", "standard", "paper"]),
-        (["render", "m.pt", "a.obj"], ["--output"]),
+        (["render", "m.pt", "a.obj"], ["nothing to write", "-o OUT.svg", "--stages"]),
         (["render", "m.pt", "a.obj", "b.obj", "-o", "out.svg"], ["2 shapes need a folder"]),
         (["render", "m.pt", "a.obj", "-o", "out.pdf"], [".svg"]),
         (["render", "m.pt", "a.obj", "-o", "-", "--png"], ["standard output"]),
