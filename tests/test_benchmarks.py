@@ -1,0 +1,117 @@
+"""The instruments that measure lines, on things whose measure is known."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapes
+
+from strokestyle.camera import fit_camera
+from strokestyle.curves import Curves
+from strokestyle.feature_curves import LineOptions
+from strokestyle.surface import make_surface
+from strokestyle.visibility import Scene
+
+ROOT = Path(__file__).parent.parent
+sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "docs")]
+
+import contact_sheet  # noqa: E402
+import lines  # noqa: E402
+import sight  # noqa: E402
+
+T = np.linspace(0.0, 100.0, 60)[:, None]
+LINE = np.hstack([T, 0 * T]) + 50.0
+
+
+@pytest.mark.parametrize(
+    "other, length",
+    [
+        (LINE + [0, 1], 100),
+        (LINE[::-1] + [0, 1], 100),
+        (LINE[:30] + [0, 1], 50),
+        (LINE[:4] + [0, 1], 0),
+        (LINE + [0, 3], 0),
+        (np.hstack([0 * T, T]) + [100, 0], 0),
+    ],
+)
+def test_doubled_length(other, length):
+    assert lines.doubled(Curves.from_list([LINE, other])) == pytest.approx(length, abs=2)
+
+
+def test_a_fold_is_doubled_and_a_ring_is_not():
+    fold = np.vstack([LINE, LINE[::-1][:-20] + [0, 0.8]])
+    assert lines.doubled(Curves.from_list([fold])) == pytest.approx(57, abs=3)
+    t = np.linspace(0, 2 * np.pi, 100)
+    ring = 100 + 40 * np.stack([np.cos(t), np.sin(t)], axis=1)
+    ring[-1] = ring[0]
+    assert lines.doubled(Curves.from_list([ring])) == 0
+
+
+def test_covered_length():
+    segment = np.array([[[0.0, 0, 0], [0.1, 0, 0]]])
+    assert lines.covered(segment, segment + [0, 9e-5, 0]) == 1 and lines.covered(segment, segment + [0, 2e-4, 0]) == 0
+    assert lines.covered(segment, 0.5 * segment) == pytest.approx(0.5, abs=0.01)
+    assert lines.covered(0.5 * segment, segment) == 1 and lines.covered(segment[:0], segment) == 1
+
+
+def test_a_derivative_tensor_turned_is_the_same_tensor():
+    rng = np.random.default_rng(0)
+    tensor, angle = rng.normal(size=(20, 4)), rng.uniform(0, 6, 20)
+    turned = lines._turn(tensor, np.cos(angle), np.sin(angle))
+
+    def along(tensor, direction):  # C(w, w, w)
+        p, q, r, s = tensor.T
+        x, y = np.cos(direction), np.sin(direction)
+        return p * x**3 + 3 * q * x * x * y + 3 * r * x * y * y + s * y**3
+
+    assert np.allclose(along(turned, 0.7), along(tensor, 0.7 + angle))
+
+
+def test_crossings_against_every_triangle():
+    rng = np.random.default_rng(1)
+    corners = rng.normal(size=(150, 1, 3)) + 0.5 * rng.normal(size=(150, 3, 3))
+    eye, targets = np.array([1.0, 2.0, 12.0]), rng.normal(size=(120, 3))
+    found = sight.crossings(corners, eye, targets)
+    expected = {}
+    for i, target in enumerate(targets):
+        for j, (a, b, c) in enumerate(corners):
+            matrix = np.stack([b - a, c - a, eye - target], axis=1)
+            u, v, t = np.linalg.solve(matrix, eye - a)
+            if u >= 0 and v >= 0 and u + v <= 1 and 0 < t < 1:
+                expected[i, j] = (1 - t) * np.linalg.norm(target - eye)
+    assert len(expected) > 50
+    assert dict(zip(zip(found.target.tolist(), found.triangle.tolist(), strict=True), found.gap, strict=True)) == (
+        pytest.approx(expected)
+    )
+
+
+@pytest.mark.parametrize("road", [sight.by_rule, sight.by_curved_faces, sight.by_mesh])
+def test_roads_agree_on_a_ball_behind_a_ball(road):
+    ball = shapes.sphere(3)
+    points = np.vstack([ball.vertices, 0.5 * ball.vertices + [0.5, 0, 3.0]])
+    surface = make_surface(points, np.vstack([ball.faces, ball.faces + len(ball.vertices)]))
+    camera = fit_camera(surface.vertices, "back")
+    where = lines.places(surface, camera, LineOptions(kinds=("contour",)))
+    truth, position = road(surface, camera.eye, where), where.on(surface, surface.vertices)
+    small = surface.component[where.face] == surface.component[-1]
+    assert not truth[small].any() and truth[~small].mean() > 0.9 - 0.6 * (road is sight.by_mesh)
+    seen = Scene(surface).seen(camera.eye, where.face, position, where.sharp)
+    tally = lines.Tally()
+    tally.add(where, seen, truth)
+    assert tally.figures("ridge") is None
+    if road is not sight.by_mesh:
+        assert tally.figures("contour") == "1.0000 / 0.0000"
+    eye, position = surface.original(camera.eye[None])[0], surface.original(position)
+
+    def height(at):
+        return np.minimum(np.linalg.norm(at, axis=1) - 1, np.linalg.norm(at - [0.5, 0, 3.0], axis=1) - 0.5)
+
+    assert np.array_equal(sight.by_formula(height, eye, position, 0.02), seen)
+
+
+def test_a_contact_sheet():
+    picture = contact_sheet.sheet([ROOT / "examples" / "shapes" / "teapot.ply"], 1)
+    assert picture.size == (contact_sheet.CELL, 2 * contact_sheet.CELL + contact_sheet.TITLE)
+    ink = (np.asarray(picture) < 128)[contact_sheet.TITLE :]
+    assert all(0.002 < half.mean() < 0.05 for half in np.split(ink, 2))
