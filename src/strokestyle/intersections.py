@@ -46,6 +46,8 @@ def crossings(vertices: np.ndarray, faces: np.ndarray, group: np.ndarray) -> Cro
     Faces at almost no angle (coplanar, repeated) do not cross, nor do those that only touch. Where there are more than
     MOST crossings per face, the mesh is a heap of faces and no shape made of parts: none is returned.
     """
+    if not np.ptp(group):
+        return Crossings(np.zeros((0, 2), np.int64), np.zeros((0, 2, 3)), np.zeros((0, 2), np.int64))
     corner = vertices[faces]
     found, count = [], 0
     for pairs in overlapping_boxes(corner.min(axis=1), corner.max(axis=1), group):
