@@ -28,7 +28,8 @@ TONE_SIGMA = 5.0  # px along the stroke; what varies more slowly is tone, what v
 CANDIDATES = 24  # source positions weighed at every choice
 LUCK = 0.3  # how far chance decides between sources that cost about the same
 FLAW, JUMP, SEEN, OVER = 12.0, 3.0, 60.0, 4.0  # costs: of hidden rows, of a joint, of what it shows, past a strip's end
-FLAT_TAX = 0.075  # flat ink may err by this much more than strips: it is crisp at any size, and easy to edit
+FLAT_TAX = 1.1  # flat ink may err this many times as much as strips: it is crisp at any size, and easy to edit
+CLEAN = 0.12  # and where it errs less than this, nobody misses a texture
 SIGHT = 1.2  # px, blur under which flat ink and strips are compared
 OWN_REGRESSORS = 4  # that tone depends on beside the features: width, its logarithm, distances to both ends
 LEAST_NOISE = np.array([0.03, 0.02, 0.02, 0.02])
@@ -207,7 +208,7 @@ def _flat_does(bank: TextureBank, rows: Rows, strips: np.ndarray, flaw: np.ndarr
     truth = _traits(strips, rows, weight)
     scale = np.abs(truth).mean(axis=0) + 0.01
     errors = [float((np.abs(_traits(made, rows, weight) - truth) / scale).mean()) for made in (plain, laid)]
-    return errors[0] <= errors[1] + FLAT_TAX
+    return errors[0] <= max(FLAT_TAX * errors[1], CLEAN)
 
 
 def _traits(strips, rows, weight):
@@ -432,7 +433,8 @@ def _look(strips, offsets):
     r, a, _ = strips.shape
     groups = np.array_split(np.arange(a), min(10, a))
     coarse = np.stack([strips[:, g].mean(axis=1) for g in groups], axis=1)  # (R, 10, 4)
-    seen = np.concatenate([coarse[..., 3], (coarse[..., :3].mean(axis=2) - coarse[..., 3])], axis=1)
+    colors = [(coarse[..., k] - coarse[..., 3]) / np.sqrt(3.0) for k in range(3)]
+    seen = np.concatenate([coarse[..., 3], *colors], axis=1)
     return _smooth_rows(seen, offsets, 1.0 * ROWS) / np.sqrt(len(groups))
 
 
@@ -596,8 +598,7 @@ def _lay(bank, rows, runs: Runs, predicted) -> np.ndarray:
     node = np.minimum(runs.first[stroke] + (every - rows.offsets[stroke]) // step, runs.first[stroke + 1] - 1)
     copied = runs.source(node, every)
     # tone: what the features ask for here, and beyond that what the source had, carried smoothly over the joints
-    beyond = _smooth_rows((bank.tone - bank.fitted)[copied], rows.offsets, TONE_SIGMA * ROWS)
-    wanted = predicted + beyond
+    wanted = predicted + _smooth_rows(_luck(bank, copied, stroke), rows.offsets, TONE_SIGMA * ROWS)
 
     def copy(source, row):
         return _toned(_resampled(bank, source, rows.width[row], columns), bank.tone[source], wanted[row])
@@ -607,6 +608,22 @@ def _lay(bank, rows, runs: Runs, predicted) -> np.ndarray:
         _join(layer, copy, rows, runs, before, after, ahead)
     layer *= _caps(rows, bank.row[copied], float(bank.margin[0]), columns)
     return np.rint(np.clip(_straight(layer), 0, 1) * 255).astype(np.uint8)
+
+
+def _luck(bank, copied, stroke):
+    """Tone (R, 4) beyond what the features ask for, of rows of new strokes that copy the rows `copied`.
+
+    What sets a whole stroke apart, its pressure or its colour, is one for all of a new stroke: that of the strip which
+    most of it is copied from.
+    """
+    strips = len(bank.offsets) - 1
+    trust = 1.001 - bank.row[:, 3]
+    beyond, home = bank.tone - bank.fitted, owner(bank.offsets)
+    total = np.bincount(home, trust, minlength=strips)
+    own = np.stack([np.bincount(home, trust * column, minlength=strips) for column in beyond.T], axis=1)
+    own /= total[:, None]
+    used = np.bincount(stroke * strips + home[copied], minlength=(stroke[-1] + 1) * strips).reshape(-1, strips)
+    return beyond[copied] - own[home[copied]] + own[used.argmax(axis=1)][stroke]
 
 
 def _joints(rows, runs):
