@@ -79,6 +79,8 @@ class Walker:
         # every other byte of UTF-16 is NUL; the parser's own handlers refuse what this first look may not see
         if b"<!entity" in (data.replace(b"\0", b"") if b"\0" in data else data).lower():
             raise ValueError(UNSAFE)
+        if data.count(b"<") > 2 * MAX_ELEMENTS + 100:
+            raise ValueError(f"more than {MAX_ELEMENTS} elements: simplify the drawing first")
         if data.count(b"=") > 5 * MAX_ELEMENTS:  # the parser hands over an element whole, however many it has
             raise ValueError(f"more than {5 * MAX_ELEMENTS} attributes: simplify the drawing first")
         try:
