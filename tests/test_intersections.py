@@ -75,6 +75,14 @@ def test_faces_cross_as_their_sides_say():
                 assert np.abs(weight @ q - p).max() < 1e-9 and weight.min() > -1e-9
 
 
+@pytest.mark.parametrize("degrees, found", [(0.0, 0), (0.5, 0), (3.0, 1), (90.0, 1)])
+def test_faces_that_nearly_lie_on_each_other_do_not_cross(degrees, found):
+    t = np.radians(degrees)
+    flat = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.0, 0.5, 0.0]])
+    turned = flat @ np.array([[np.cos(t), 0, np.sin(t)], [0, 1, 0], [-np.sin(t), 0, np.cos(t)]])
+    assert len(crossings(np.vstack([flat, turned]), np.arange(6).reshape(2, 3), np.arange(2))) == found
+
+
 def test_two_spheres_meet_in_a_circle():
     offset = np.array([0.9, 0.1, 0.2])
     error = []
