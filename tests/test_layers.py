@@ -8,7 +8,8 @@ import pytest
 SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 RANK = {
     "files": 0, "camera": 0, "mesh_files": 0, "edges": 0, "curves": 0, "raster": 0, "model": 0,
-    "devices": 0, "cubics": 0, "palette": 0,
+    "devices": 0, "cubics": 0,
+    "palette": 0,
     "registration": 0, "isolines": 0,
     "intersections": 0, "creases": 0,
     "svg_text": 0, "svg_syntax": 0,
@@ -17,7 +18,7 @@ RANK = {
     "feature_curves": 2, "outlines": 2, "inks": 2,
     "view": 3, "ribbons": 3,
     "painting": 4, "strips": 2, "svg_read": 4, "edits": 4, "svg_lines": 3,
-    "texture": 5, "pictures": 5, "svg": 6,
+    "texture": 5, "pictures": 5, "tones": 4, "svg": 6,
     "paper": 6, "stages": 7, "page": 7,
     "style": 7, "paper_fit": 7,
     "fit": 8,

@@ -15,9 +15,11 @@ from strokestyle.curves import KINDS, Curves
 from strokestyle.painting import rasterise
 from strokestyle.strokes import Drawing, Strokes, Texture, signed_distance
 from strokestyle.svg import (
+    SvgOptions,
     plain_svg,
     png_from_svg,
     save_svg,
+    settled,
     write_svg,
 )
 from strokestyle.svg_text import polyline_path, printable, rings_path
@@ -68,7 +70,7 @@ def test_flat_svg_shows_what_the_raster_shows(scale):
 @pytest.mark.parametrize("scale", [1.0, 4.0])
 def test_image_svg_shows_what_the_raster_shows(texture, scale):
     textured = drawing(texture=texture)
-    picture = rendered(write_svg(textured), scale)
+    picture = rendered(write_svg(textured, texture="image"), scale)
     error = np.abs(picture - rasterise(textured, scale, (1, 1, 1)))
     assert error.mean() < 2.6  # 18 % of this small page is stroke, of a real one 4 %: there it is 0.6
     assert np.abs(picture - rasterise(textured, scale, (1, 1, 1), texture=False)).mean() > 3 * error.mean()
@@ -128,10 +130,39 @@ def test_strokes_carry_their_centre_line_and_widths():
         assert element.get("data-ss-class") == KINDS[flat.strokes.kind[i]] and element.get("fill-rule") == "nonzero"
 
 
-def test_auto_takes_images_only_where_there_is_texture():
-    assert "<image" not in write_svg(drawing()) and "<image" in write_svg(drawing(texture="grain"))
+def test_auto_takes_paths_for_grain_in_one_ink_and_images_for_the_rest():
+    flat, grain, colours = (write_svg(drawing(texture=texture)) for texture in (None, "grain", "colours"))
+    assert "<image" not in flat and flat.count("<path") == 12
+    assert "<image" not in grain and grain.count("<path") > 24 and "texture=vector" in grain
+    assert colours.count("<image") == 12 and "texture=image" in colours
+    assert settled(drawing(texture="grain"), SvgOptions()).texture == "vector"
+    assert settled(drawing(), SvgOptions(texture="image")).texture == "none"
     plain = write_svg(drawing(texture="grain"), texture="none")
-    assert "<image" not in plain and plain == write_svg(replace(drawing(texture="grain"), texture=None))
+    assert plain == write_svg(replace(drawing(texture="grain"), texture=None))
+
+
+@pytest.mark.parametrize("texture, most", [("grain", 4.5), ("colours", 4.5)])
+@pytest.mark.parametrize("scale", [1.0, 4.0])
+def test_vector_svg_shows_what_the_raster_shows(texture, most, scale):
+    textured = drawing(texture=texture)
+    want = rasterise(textured, scale, (1, 1, 1))
+    errors = [
+        np.abs(rendered(write_svg(textured, texture="vector", tones=tones), scale) - want).mean() for tones in (1, 3, 8)
+    ]
+    assert errors[2] < errors[1] < errors[0] and errors[1] < most
+    assert np.abs(rasterise(textured, scale, (1, 1, 1), texture=False) - want.astype(float)).mean() > 2 * errors[1]
+
+
+def test_tones_are_nested_in_one_group_and_have_their_own_opacity():
+    root = ET.fromstring(write_svg(drawing(texture="grain"), tones=2))
+    strokes = [g for g in root.iter(f"{SVG}g") if g.get("class") == "stroke"]
+    assert len(strokes) == 12
+    for stroke in strokes:
+        assert {child.tag for child in stroke} == {f"{SVG}path"} and 1 <= len(stroke) <= 2
+        assert all(0 < float(child.get("fill-opacity")) <= 1 for child in stroke)
+    inked = replace(drawing(texture="grain"), color=np.tile([0.1, 0.1, 0.3, 0.5], (12, 1)))
+    for stroke in (g for g in ET.fromstring(write_svg(inked)).iter(f"{SVG}g") if g.get("class") == "stroke"):
+        assert stroke.get("fill") == "#1a1a4c" and all(child.get("fill") is None for child in stroke)
 
 
 def test_fewer_decimals_and_looser_outlines_make_smaller_files():
@@ -143,7 +174,7 @@ def test_fewer_decimals_and_looser_outlines_make_smaller_files():
 
 def test_textures_of_higher_resolution_are_larger():
     def pixels(resolution):
-        text = write_svg(drawing(texture="grain"), texture_res=resolution)
+        text = write_svg(drawing(texture="grain"), texture="image", texture_res=resolution)
         pngs = re.findall(r"base64,([^\"]+)", text)
         return sum(np.prod(Image.open(io.BytesIO(base64.b64decode(png))).size) for png in pngs)
 
@@ -157,6 +188,7 @@ def test_textures_of_higher_resolution_are_larger():
         ({"texture_res": 0}, "resolution"),
         ({"decimals": 9}, "decimals"),
         ({"tolerance": 0}, "tolerance"),
+        ({"tones": 9}, "tones"),
     ],
 )
 def test_bad_options_are_named(options, message):

@@ -208,6 +208,21 @@ device_option = click.option(
 
 
 file_options = _options(
+    click.option(
+        "--tones", type=click.IntRange(1, 8), metavar="N", help="Tones of a vector texture, 1 to 8.  [default: 3]"
+    ),
+    click.option(
+        "--texture-res",
+        type=click.FloatRange(0.1, 16),
+        metavar="R",
+        help="Pixels of an image texture per pixel.  [default: 2]",
+    ),
+    click.option(
+        "--tolerance",
+        type=click.FloatRange(0, 100, min_open=True),
+        metavar="PX",
+        help="How far an outline may be off; a tone's edge, twice that.  [default: 0.1]",
+    ),
     click.option("--page-size", metavar="A4|WxHmm", help="Paper: A0 to A6, letter, legal, or for instance 210x297mm."),
     click.option(
         "--layers",
@@ -219,6 +234,13 @@ file_options = _options(
     click.option("--author", metavar="NAME", help="Told in the file's metadata."),
     click.option("--license", metavar="NAME|URL", help="Likewise: CC-BY-4.0, CC0-1.0 ..., a URL, or other words."),
     click.option("--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb."),
+    click.option("--plotter", is_flag=True, default=None, help="Centre lines only, in mm, for pen plotters."),
+    click.option(
+        "--inkscape-lpe",
+        is_flag=True,
+        default=None,
+        help="Flat strokes as Inkscape's PowerStrokes, whose width it edits; other programs show the same outlines.",
+    ),
 )
 
 
@@ -438,10 +460,11 @@ Examples:
 )
 @click.option(
     "--texture",
-    type=click.Choice(["auto", "image", "none"]),
+    type=click.Choice(["auto", "vector", "image", "none"]),
     default="auto",
     show_default=True,
-    help="image: grain as an image clipped by each stroke; none: flat ink; auto: as the style needs.",
+    help="vector: grain as paths, crisp at any size; image: a picture for each stroke; none: flat ink; auto: vector "
+    "for grain in one ink, image for soft or coloured texture.",
 )
 @click.option("--png", is_flag=True, help="Write a PNG preview beside each SVG.")
 @click.option(
@@ -563,7 +586,9 @@ Examples:
 @_edit_option("recolor", "COLOR", "Change the ink's colour, the texture's too.")
 @click.option("--restyle", type=click.Path(), multiple=True, metavar="MODEL", help="Draw the lines in another hand.")
 @_edit_option("drop", "WHAT", "Take strokes out: '<20' the shorter ones, 'valley,ridge', or 'valley<20'.")
-@click.option("--texture", type=click.Choice(["auto", "image", "none"]), help="As in render.  [default: as it is]")
+@click.option(
+    "--texture", type=click.Choice(["auto", "vector", "image", "none"]), help="As in render.  [default: as it is]"
+)
 @click.option("--png", is_flag=True, help="Write a PNG preview beside the SVG.")
 @file_options
 @seed_option
@@ -592,6 +617,8 @@ def edit(drawing, output, png, seed, restyle, **options):
         with stage(name):
             sheet = _restyled(change, sheet, seed) if name == "restyle" else change(sheet, seed)
     kept = {name: value for name, value in options.items() if value is not None}
+    if kept.get("inkscape_lpe"):
+        kept.setdefault("texture", "none")
     with stage("write the SVG"):
         text = write_svg(sheet.drawing, found.options, ids=sheet.ids, **kept)
     written = output
@@ -743,7 +770,7 @@ def _style(model: str, device: str):
 
 def _draw(model: str, options: dict, shape: str, output: str) -> str:
     style = _style(model, options["device"])
-    from .svg import png_from_svg, write_svg, write_text
+    from .svg import SvgOptions, png_from_svg, settled, write_svg, write_text
 
     views, written = Views(shape, options), []
     for suffix, view in views.turntable(options["turntable"]):
@@ -754,7 +781,9 @@ def _draw(model: str, options: dict, shape: str, output: str) -> str:
         if options["drawings"]:
             with stage("write the SVG"):
                 file = {name: options[name] for name in FILE_OPTIONS if options[name] is not None}
-                text = write_svg(drawing, description=f"Drawn by strokestyle {__version__}", **{**look, **file})
+                made = SvgOptions(**{"description": f"Drawn by strokestyle {__version__}", **look, **file})
+                made = settled(drawing, made)
+                text = write_svg(drawing, made)
                 if target == "-":
                     click.echo(text, nl=False)
                 else:
@@ -766,7 +795,7 @@ def _draw(model: str, options: dict, shape: str, output: str) -> str:
                     preview = str(Path(target).with_suffix(".png"))
                     write_bytes(preview, png_from_svg(text, options["png_scale"]))
                     target += f", {preview}"
-            written.append(target)
+            written.append(target if made.plotter else f"{target} ({ENCODINGS[made.texture]})")
         if options["stages"]:
             with stage("stages"):
                 name = os.path.join(options["stages"], Path(shape).stem + suffix)
@@ -877,7 +906,21 @@ class Views:
 
 
 VIEW_OPTIONS = ("view", "camera", "fov", "up", "size")
-FILE_OPTIONS = ("page_size", "layers", "decimals", "title", "author", "license", "background")
+FILE_OPTIONS = (
+    "tones",
+    "texture_res",
+    "tolerance",
+    "page_size",
+    "layers",
+    "decimals",
+    "title",
+    "author",
+    "license",
+    "background",
+    "plotter",
+    "inkscape_lpe",
+)
+ENCODINGS = {"vector": "grain as paths", "image": "texture as images", "none": "flat ink"}
 LINE_OPTIONS = ("lines", "crease", "suggestive", "ridge", "valley", "apparent", "detail", "spacing", "curves")
 
 

@@ -15,6 +15,7 @@ import resvg_py
 
 from .curves import KINDS, Curves, arc_length, simplify_all
 from .files import write_bytes
+from .inks import inks
 from .outlines import outlines
 from .pictures import stroke_images
 from .strips import strips_png
@@ -24,13 +25,16 @@ from .svg_page import SvgOptions, document, layer
 from .svg_read import NAME, digest, read
 from .svg_syntax import first_line, landmarks
 from .svg_text import element, hex_color, number, numbers, polyline_path, rings_path, units
+from .tones import tone_paths, tones
 
+SAME_INK = 2.5 / 255  # colours nearer than this are one
+NEAR_INK = 24 / 255  # and nearer than this not far off
 PATH_SLACK = 0.04  # px a centre line may be off where data-ss-path leaves points out
 WIDTH_SLACK = 0.004  # px a width may be off where data-ss-width leaves points out
 ID = re.compile(r"[A-Za-z_][\w.-]{0,99}", re.ASCII)
 RESERVED = {"paper", *(f"layer-{kind}" for kind in KINDS)}
 
-__all__ = ["plain_svg", "png_from_svg", "read", "save_svg", "write_svg", "write_text"]
+__all__ = ["plain_svg", "png_from_svg", "read", "save_svg", "settled", "write_svg", "write_text"]
 
 
 def write_svg(
@@ -53,28 +57,34 @@ def write_svg(
     options = replace(options or SvgOptions(), **changes)
     if options.plotter:
         return plotter_svg(drawing, options)
-    if options.inkscape_lpe:
-        options = replace(options, texture="none")
-    if options.texture == "auto" or drawing.texture is None:
-        options = replace(options, texture="none" if drawing.texture is None else "image")
+    options = settled(drawing, options)
     order = paint_order(drawing.strokes)
     names = _names(order, ids)
     drawn = {i: drawing.art.get(digest(drawing, i, options)) for i in order.tolist()} if drawing.art else {}
     new = order[[drawn.get(i) is None for i in order.tolist()]]
     for i, stroke in zip(new.tolist(), _drawn(drawing, options, new), strict=True):
         drawn[i] = stroke
-    layers = {}
+    layers, effects = {}, ""
     for i in order.tolist():
-        tag, markup = drawn[i]
+        tag, markup, *points = drawn[i]
         kind = KINDS[drawing.strokes.kind[i]] if options.layers == "kind" else ""
         stroke = f'\n<{tag} id="{names[i]}" class="stroke"{markup.replace(NAME, names[i])}'
         layers.setdefault(kind, []).append(stroke)
+        effects += "".join(effect(names[i], text) for text in points)
     content = "".join(layer(kind, "".join(inside)) if kind else "".join(inside) for kind, inside in layers.items())
-    if options.inkscape_lpe and len(order):
-        points = power_strokes(drawing, options, order.tolist())
-        effects = "".join(effect(names[i], text) for i, (_, text) in zip(order.tolist(), points, strict=True))
+    if effects:
         content = element("defs", {}, effects) + content
     return document(content, drawing.size, options, ours=True)
+
+
+def settled(drawing: Drawing, options: SvgOptions) -> SvgOptions:
+    """The options with the texture that `write_svg` will choose for this drawing."""
+    texture = options.texture
+    if options.inkscape_lpe or drawing.texture is None:
+        texture = "none"
+    elif texture == "auto":
+        texture = "vector" if inks(drawing.texture).of_grain else "image"
+    return replace(options, texture=texture)
 
 
 def _names(order: np.ndarray, ids: Sequence[str] | None) -> list[str]:
@@ -92,17 +102,20 @@ def _names(order: np.ndarray, ids: Sequence[str] | None) -> list[str]:
 
 
 def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray):
-    """(tag, markup after id and class) of each stroke of `index`."""
-    make = {"none": _flat, "image": _images}[options.texture]
+    """(tag, markup after id and class) of each stroke of `index`; of a PowerStroke, its offset points besides."""
+    make = {"none": _flat, "vector": _tones, "image": _images}[options.texture]
     strips = strips_png(drawing, index) if options.texture != "none" else [None] * len(index)
     knots = _knots(drawing.strokes)
     for i, strip, (tag, attributes, content) in zip(index.tolist(), strips, make(drawing, options, index), strict=True):
         data = _data(drawing, i, options.decimals, knots)
+        if options.texture == "vector" and "fill-opacity" in data:  # tones have their own: scour would drop the group's
+            data["data-ss-opacity"] = data.pop("fill-opacity")
         if strip is not None:
             data["data-ss-texture"] = base64.b64encode(strip).decode("ascii")
             data["data-ss-margin"] = number(drawing.texture.margin[i], 4)
+        points = [attributes.pop("points")] if "points" in attributes else []
         markup = element(tag, {**data, **attributes}, content)
-        yield tag, markup[len(tag) + 2 :]
+        yield tag, markup[len(tag) + 2 :], *points
 
 
 def save_svg(path: str | Path, drawing: Drawing, options: SvgOptions | None = None, **changes) -> None:
@@ -171,7 +184,21 @@ def _flat(drawing, options, order):
         attributes = {**marks(d), "fill-rule": "nonzero", "d": d}
         if skeleton is not None:
             attributes |= {"inkscape:path-effect": f"#{EFFECT}{NAME}", "inkscape:original-d": skeleton[0]}
+            attributes["points"] = skeleton[1]  # for the effect in the file's head
         yield "path", attributes, ""
+
+
+def _tones(drawing, options, order):
+    """(tag, attributes, content) of each stroke: its texture in a few tones, the lightest beneath."""
+    made = tone_paths(tones(drawing, order, options.tones, options.tolerance))
+    for i, paths in zip(order.tolist(), made, strict=True):
+        content, ink = "", drawing.color[i, :3]
+        # the tone nearest to the stroke's ink has that ink, so that programs see the stroke's fill in use
+        stray = [float(np.abs(color - ink).max()) for color, _, _ in paths]
+        for (color, opacity, d), off in zip(paths, stray, strict=True):
+            fill = {} if off < SAME_INK or off == min(stray) < NEAR_INK else {"fill": hex_color(color)}
+            content += element("path", {**fill, "fill-opacity": number(opacity, 2), "d": d})
+        yield "g", marks(paths[0][2]) if paths else {}, content
 
 
 def _images(drawing, options, order):

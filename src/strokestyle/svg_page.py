@@ -11,7 +11,8 @@ from .svg_text import element, number, words
 
 FORMAT = 2
 MM_PER_PX = 25.4 / 96.0  # CSS pixels
-TEXTURES = ("auto", "image", "none")
+TEXTURES = ("auto", "vector", "image", "none")
+MOST_TONES = 8
 LAYERS = ("kind", "none")
 PAPERS = {  # mm, upright
     "A0": (841, 1189), "A1": (594, 841), "A2": (420, 594), "A3": (297, 420), "A4": (210, 297), "A5": (148, 210),
@@ -43,8 +44,10 @@ class SvgOptions:
 
     Parameters
     ----------
-    texture : "none": a filled outline per stroke in its flat ink. "image": a raster of each stroke. "auto": image where
-        the drawing has a texture, else none.
+    texture : "none": a filled outline per stroke in its flat ink. "vector": the texture in a few tones, as paths.
+        "image": a raster of each stroke. "auto": vector for grain in one ink, image for soft or coloured texture, else
+        none.
+    tones : how many, 1 to 8, of "vector"
     texture_res : pixels of those rasters per pixel of the drawing
     decimals : of every coordinate
     tolerance : pixels between an outline and the exact one
@@ -64,6 +67,7 @@ class SvgOptions:
     """
 
     texture: str = "auto"
+    tones: int = 3
     texture_res: float = 2.0
     decimals: int = 2
     tolerance: float = 0.1
@@ -80,6 +84,8 @@ class SvgOptions:
     def __post_init__(self):
         if self.texture not in TEXTURES:
             raise ValueError(f"texture must be one of {', '.join(TEXTURES)}, got {self.texture!r}")
+        if not 1 <= self.tones <= MOST_TONES:
+            raise ValueError(f"tones must lie between 1 and {MOST_TONES}, got {self.tones}")
         if not 0.1 <= self.texture_res <= 16:
             raise ValueError(f"the texture's resolution must lie between 0.1 and 16 px per px, got {self.texture_res}")
         if not 0 <= self.decimals <= 6:
@@ -104,7 +110,14 @@ class SvgOptions:
     @classmethod
     def from_text(cls, text: str, **known) -> SvgOptions:
         """The options that `to_text` wrote; names and values that this version does not know are left out."""
-        types = {"texture_res": float, "tolerance": float, "decimals": int, "inkscape_lpe": _flag, "plotter": _flag}
+        types = {
+            "texture_res": float,
+            "tolerance": float,
+            "decimals": int,
+            "tones": int,
+            "inkscape_lpe": _flag,
+            "plotter": _flag,
+        }
         for name, _, value in (part.partition("=") for part in text[:4000].split()):
             if name in WRITTEN:
                 try:

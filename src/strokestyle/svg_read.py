@@ -59,13 +59,14 @@ _VALUE = r'="[^"<&]*"'
 NAME = "*id*"  # stands for a stroke's id where its markup is kept
 _ART = re.compile(
     rf'<(path|g) id="([\w.:-]*)" class="stroke"((?: [a-z:-]+{_VALUE})*)'
-    rf"(/>|>(?:\s*<path(?: (?:d|fill-opacity){_VALUE})+/>"
+    rf"(/>|>(?:\s*<path(?: (?:d|fill|fill-opacity){_VALUE})+/>"
     rf'|\s*<image(?: (?:x|y|width|height|preserveAspectRatio){_VALUE})* xlink:href="data:image/png;base64,[\w+/=]*"/>'
     rf")*\s*</\1>)"
 )
 _ART_NAMES = {
     "data-ss-class", "data-ss-path", "data-ss-width", "data-ss-closed", "data-ss-texture", "data-ss-margin",
-    "data-ss-at", "fill", "fill-opacity", "fill-rule", "d", "inkscape:path-effect", "inkscape:original-d",
+    "data-ss-at", "data-ss-opacity", "fill", "fill-opacity", "fill-rule", "d",
+    "inkscape:path-effect", "inkscape:original-d",
 }  # fmt: skip
 
 
@@ -123,7 +124,14 @@ def digest(drawing: Drawing, i: int, options: SvgOptions) -> bytes:
     strokes, texture = drawing.strokes, drawing.texture if options.texture != "none" else None
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
     made = hashlib.blake2b(digest_size=16)
-    written = (options.texture, options.texture_res, options.tolerance, options.decimals, options.inkscape_lpe)
+    written = (
+        options.texture,
+        options.tones,
+        options.texture_res,
+        options.tolerance,
+        options.decimals,
+        options.inkscape_lpe,
+    )
     made.update(repr((written, int(strokes.kind[i]), bool(strokes.closed[i]))).encode())
     parts = [strokes.xy[rows], strokes.thickness[rows], drawing.color[i]]
     if texture is not None:
@@ -184,7 +192,7 @@ class _Line:
     color: np.ndarray
     strip: np.ndarray | None
     margin: float
-    art: tuple[str, str] | None
+    art: tuple[str, ...] | None
 
 
 class _Reader:
@@ -195,6 +203,7 @@ class _Reader:
         self.tags: list[tuple[str, str]] = []
         self.strokes: list[_Found] = []
         self.words: dict[str, str] = {}
+        self.effects: dict[str, str] = {}  # PowerStrokes' offset points, by id
         self.hidden = self.others = 0
         self.parser = None
 
@@ -206,6 +215,8 @@ class _Reader:
             self.stack.append(self._inner(_State(), attributes))
             return
         above = self.stack[-1]
+        if tag == "path-effect" and len(self.effects) < MAX_STROKES:
+            self.effects[attributes.get("id", "")] = attributes.get("offset_points", "")
         if (namespace, tag) == (CC[0], "license") or (namespace, tag) == (CC[1], "license"):
             self.words.setdefault("license", attributes.get(RDF + "}resource", ""))
         drawn = above.drawn and namespace in ("", SVG_NAMESPACE)
@@ -300,6 +311,9 @@ class _Reader:
         for found in self.strokes:
             try:
                 lines += _lines(found, origin, self.data, texels)
+                if lines[-1].art is not None and (points := self.effects.get(EFFECT + found.name, "")):
+                    safe = re.fullmatch("[0-9., |-]*", points)
+                    lines[-1] = replace(lines[-1], art=(*lines[-1].art[:2], points) if safe else None)
                 names += [found.name] * (len(lines) - len(names))
                 texels -= 0 if lines[-1].strip is None else lines[-1].strip[..., 0].size
             except ValueError as error:
@@ -351,6 +365,7 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, texels: int 
     xy = _centre(attributes["data-ss-path"], closed)
     xy, width = _widths(xy, attributes.get("data-ss-width", "1"))
     color = np.array([*_rgb(state.fill), state.fill_opacity * state.opacity])
+    color[3] *= _share(attributes.get("data-ss-opacity", ""), 1.0)
     if state.fill == "none":
         color[3] = 0.0
     strip, margin = None, 0.0
