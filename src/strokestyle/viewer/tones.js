@@ -137,8 +137,8 @@ function tonesColors(strip, smooth, { level, threshold }, ink) {
   });
 }
 
-/** Where u in [0, 1] and v in [-1, 1] lie on a ribbon: a function of both. Normals turn evenly round its bends. */
-function layOut(band) {
+/** Where a row, of so many, and v in [-1, 1] lie on a ribbon: a function of both. Normals turn evenly round its bends. */
+function layOut(band, rows) {
   const { x, y, half, along, length, closed } = band;
   const n = x.length - 1;
   const headings = [];
@@ -146,7 +146,7 @@ function layOut(band) {
   const put = (k, shift) => {
     const angle = Math.atan2(y[k + 1] - y[k], x[k + 1] - x[k]);
     const last = headings.length ? headings[headings.length - 1] : angle;
-    headings.push(last + Math.atan2(Math.sin(angle - last), Math.cos(angle - last)));
+    headings.push(last + turnBetween(last, angle));
     middles.push((along[k] + along[k + 1]) / 2 + shift);
   };
   if (closed) put(n - 1, -length);
@@ -154,17 +154,36 @@ function layOut(band) {
   if (closed) put(0, length);
   const [heading, middle] = [Float64Array.from(headings), Float64Array.from(middles)];
   const bend = heading.map((h, k) => (k ? (h - heading[k - 1]) / Math.max(middle[k] - middle[k - 1], 1e-9) : 0));
-  const where = new Float64Array(1);
-  return (u, v) => {
-    where[0] = (closed ? u - Math.floor(u) : Math.min(Math.max(u, 0), 1)) * length;
-    const [[px], [py], [h]] = interp(where, along, x, y, half);
-    const [[angle]] = interp(where, middle, heading);
-    const piece = middle.findIndex((m) => m > where[0]);
-    const curvature = piece > 0 ? bend[piece] : 0;
-    let across = Math.min(Math.max(v, -1), 1) * h;
-    if (across * curvature > FOLD) across = FOLD / curvature; // inside of a bend all lie on the bend's own centre
-    return [px - across * Math.sin(angle), py + across * Math.cos(angle)];
+  // frames at every row, one before them and one after
+  const at = Float64Array.from({ length: rows + 2 }, (_, i) => ((i - 0.5) / rows) * length);
+  if (!closed) [at[0], at[rows + 1]] = [0, length];
+  const inside = closed ? at.map((s) => s - length * Math.floor(s / length)) : at;
+  const order = Array.from(inside.keys()).sort((a, b) => inside[a] - inside[b]);
+  const sorted = taken(inside, order);
+  const columns = [...interp(sorted, along, x, y, half), ...interp(sorted, middle, heading)];
+  const [px, py, reach, angle, curvature] = [0, 1, 2, 3, 4].map(() => new Float64Array(rows + 2));
+  let piece = 0;
+  order.forEach((i, k) => {
+    [px[i], py[i], reach[i], angle[i]] = columns.map((column) => column[k]);
+    while (piece < middle.length && middle[piece] <= sorted[k]) piece++;
+    curvature[i] = piece > 0 && piece < middle.length ? bend[piece] : 0;
+  });
+  for (let i = 1; i < rows + 2; i++) angle[i] = angle[i - 1] + turnBetween(angle[i - 1], angle[i]);
+  return (row, v) => {
+    const f = Math.min(Math.max(row + 1, 0), rows + 1);
+    const a = Math.min(Math.floor(f), rows);
+    const mix = (values) => values[a] + (f - a) * (values[a + 1] - values[a]);
+    let across = Math.min(Math.max(v, -1), 1) * mix(reach);
+    const curve = mix(curvature);
+    if (across * curve > FOLD) across = FOLD / curve; // inside of a bend all lie on the bend's own centre
+    const heading = mix(angle);
+    return [mix(px) - across * Math.sin(heading), mix(py) + across * Math.cos(heading)];
   };
+}
+
+/** The turn from one angle to another, within half a circle. */
+function turnBetween(from, to) {
+  return Math.atan2(Math.sin(to - from), Math.cos(to - from));
 }
 
 /** A stroke's texture in `tones` tones, in place of those that were there. */
@@ -177,13 +196,13 @@ function writeTones(element, mark, options) {
   const smooth = evened(alpha, rows, columns, band.closed);
   const levels = levelsOf(smooth, count);
   const colors = tonesColors(strip, smooth, levels, mark.color);
-  const place = layOut(band);
+  const place = layOut(band, rows);
   element.replaceChildren();
   levels.level.forEach((level, k) => {
     const rings = contours(smooth, rows, columns, 255 * levels.threshold[k], band.closed);
     const d = rings.map((ring) =>
       splineText(
-        ring.map(([r, c]) => place((r + 0.5) / rows, (2 * c + 1) / columns - 1)),
+        ring.map(([r, c]) => place(r, (2 * c + 1) / columns - 1)),
         slack,
       ),
     );
