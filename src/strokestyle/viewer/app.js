@@ -11,7 +11,7 @@ const PART = 0.3; // of the paper: where less than this changes, only that is pa
 const BAND = 200; // rows of it painted at a time
 const FRAME = 26; // ms a frame may take before it is painted coarser
 const byId = (id) => document.getElementById(id);
-const [ink, stage, overlay] = [byId("ink"), byId("stage"), byId("marks")];
+const [ink, stage] = [byId("ink"), byId("stage")];
 
 const sheets = []; // one a drawing: {name, drawing, past, edit, future, camera, marks, saved}
 let current = null;
@@ -565,7 +565,11 @@ byId("smaller").addEventListener("click", () => zoomBy(0.8));
 byId("larger").addEventListener("click", () => zoomBy(1.25));
 byId("fit").addEventListener("click", fit);
 byId("remove").addEventListener("click", removeSelected);
-byId("restore").addEventListener("click", () => changeStroke(selected, PLAIN));
+byId("restore").addEventListener("click", () => {
+  const strokes = { ...current.edit.strokes };
+  delete strokes[selected];
+  change({ ...current.edit, strokes });
+});
 byId("reset").addEventListener("click", () => change(UNEDITED));
 
 function showBefore(on) {
