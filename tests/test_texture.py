@@ -128,6 +128,20 @@ def test_colour_and_opacity_follow_the_features():
     assert (np.diff(color[:, 2]) > 0.05).all()
 
 
+def test_a_stroke_keeps_the_colour_that_chance_gave_it():
+    pens = np.array([[0.8, 0.1, 0.1, 1.0], [0.1, 0.2, 0.8, 1.0]])
+    train = replace(lines(8, 0), thickness=np.repeat(np.linspace(5.0, 12.0, 8), 60))  # a stroke for every thickness
+    new = replace(lines(6, 1), thickness=np.tile(np.linspace(5.0, 12.0, 60), 6))  # made of several of them
+    rgba = rasterise(Drawing(train, (SIZE, SIZE), pens[[0, 1, 1, 0, 1, 0, 0, 1]])) / 255.0
+    rgba[..., 3] *= 0.4 + 0.6 * tooth(3)
+    texture, _ = synthesise(learn_texture(train, nothing(train), exemplar(rgba)), new, nothing(new), seed=2)
+    for i in range(len(new)):
+        part = core(texture, new, i)
+        away = np.abs(part[..., :3][part[..., 3] > 0.2][:, None] - pens[None, :, :3]).max(axis=2)
+        pen = int(away.mean(axis=0).argmin())
+        assert np.quantile(away[:, pen], 0.95) < 0.12  # all of it, not a mixture of both
+
+
 def test_tones_between_those_of_the_drawing_are_mixed():
     train, new = lines(8, 0), lines(3, 1)
     strong = np.repeat(np.arange(8) % 2, 60)[:, None] * 1.0
