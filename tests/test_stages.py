@@ -32,7 +32,7 @@ def pixels(png):
 @pytest.mark.parametrize("texture", [None, "grain"])
 def test_each_stage_adds_one_thing(texture):
     drawn = drawing(12, texture)
-    made = stages(view_of(drawn), drawn, title="a & b")
+    made = stages(view_of(drawn), drawn, title="a & b", page_size="A4", plotter=True)  # neither fits a figure
     assert [stage.name for stage in made] == list(NAMES)
     for stage in made:
         assert "a &amp; b" in stage.svg

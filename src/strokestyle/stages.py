@@ -34,7 +34,7 @@ def stages(view: View, drawing: Drawing, *, title: str = "", background: str | N
     ----------
     view, drawing : a view and the drawing of it, of one size
     title, background : of every stage, as `write_svg` has them
-    options : of `write_svg`, for the textured stage
+    options : of `write_svg`, for the strokes; all stages are on the bare canvas, whatever the page
 
     Raises
     ------
@@ -47,11 +47,12 @@ def stages(view: View, drawing: Drawing, *, title: str = "", background: str | N
     strokes = drawing.strokes
     displaced = Curves(strokes.xy, strokes.offsets, strokes.kind, strokes.closed)
     page = {"title": title, "background": background}
+    drawn = options | page | {"page_size": None, "plotter": False}
     texts = (
         plain_svg(view.curves, size, description="The curves of the shape", **page),
         plain_svg(displaced, size, description="The curves, displaced", **page),
-        write_svg(drawing, **(options | page | {"texture": "none", "description": "Strokes with thickness"})),
-        write_svg(drawing, **(options | page | {"description": "Strokes with thickness and texture"})),
+        write_svg(drawing, **(drawn | {"texture": "none", "description": "Strokes with thickness"})),
+        write_svg(drawing, **(drawn | {"description": "Strokes with thickness and texture"})),
     )
     return [Stage(name, text) for name, text in zip(NAMES, texts, strict=True)]
 
