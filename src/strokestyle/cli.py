@@ -371,8 +371,8 @@ Examples:
     "--minutes",
     type=click.FloatRange(0.1, 60 * 24 * 30),
     metavar="M",
-    help="Take as many steps as this machine does in M minutes, learning rate brought down within them; never more than "
-    "help (paper: than its schedule). How many differs from run to run, and so does the model.",
+    help="Take as many steps as this machine does in M minutes, learning rate brought down within them; never more "
+    "than help (paper: than its schedule). How many differs from run to run, and so does the model.",
 )
 @click.option(
     "--resume",
