@@ -74,8 +74,9 @@ class FitConfig:
     style: StyleConfig = field(default_factory=StyleConfig)
 
 
-# The fewest and the most that a budget of time buys. More are of no use: 100, 300 and 1000 steps drew other shapes alike
-# (90.8, 90.7 and 90.6 % of an artist's repeatability), as did more steps, seeds or bootstraps of the thickness curves.
+# The fewest and the most that a budget of time buys. More are of no use: 100, 300 and 1000 steps drew other shapes
+# alike (90.8, 90.7 and 90.6 % of an artist's repeatability), as did more steps, seeds or bootstraps of the
+# thickness curves.
 TRACE_STEPS = 40, 600
 TRACED = 0.8  # of what is left of a budget goes into them; thickness and texture are still to come
 BETWEEN = 0.2  # s, two calls of the progress callback
