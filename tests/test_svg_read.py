@@ -21,8 +21,8 @@ from strokestyle.svg_page import SvgOptions
 from strokestyle.svg_read import read_file
 from strokestyle.svg_syntax import landmarks, moved_by
 
-SMALL = {"none": None, "image": "grain"}
-ENCODINGS = [("none", None), ("image", "grain"), ("image", "colours")]
+SMALL = {"none": None, "vector": "grain", "image": "grain"}
+ENCODINGS = [("none", None), ("vector", "grain"), ("image", "grain"), ("image", "colours")]
 
 
 def rendered(text, scale=2.0):
@@ -161,7 +161,8 @@ def check_by_hand(ours, theirs, text):
     (xy, width), (was, was_width) = stroke(theirs, 4), stroke(ours, 4)
     assert width == pytest.approx(1.5 * was_width, abs=0.01)
     assert np.ptp(xy, axis=0) == pytest.approx(1.5 * np.ptp(was, axis=0), abs=0.05)
-    assert np.abs(rendered(text) - seen(theirs)).mean() < (2.6 if theirs.texture is not None else 0.5)
+    blank = np.abs(255 - seen(theirs)).mean()  # three tones tell this blocky noise by halves only
+    assert np.abs(rendered(text) - seen(theirs)).mean() < (0.3 if theirs.texture is not None else 0.03) * blank
 
 
 @pytest.mark.parametrize("encoding", SMALL)
@@ -204,10 +205,11 @@ def test_layer_transforms_are_composed(encoding, texture, transform):
     text, file = edited(
         encoding, texture, a=('<g id="layer-contour"', f'<g id="layer-contour" transform="{transform}"')
     )
-    assert np.abs(rendered(text) - seen(file.drawing)).mean() < (0.5 if texture is None else 3.0)
+    limit = {"none": 0.5, "image": 3.0, "vector": 5.0}[encoding]
+    assert np.abs(rendered(text) - seen(file.drawing)).mean() < limit
     assert len(file.drawing.art) == 3  # those on other layers
     again = rendered(write_svg(file.drawing, file.options))
-    assert np.abs(again - rendered(text)).mean() < (0.5 if texture is None else 4.0)
+    assert np.abs(again - rendered(text)).mean() < limit + (texture is not None)
 
 
 def test_transforms_nest_and_scale_widths_by_the_root_of_their_determinant():
@@ -330,7 +332,7 @@ def test_damage_is_named_in_one_line(old, new, found):
 
 @pytest.mark.parametrize("evil", ['onload="alert(1)"', 'style="fill:url(http://x)"', 'xml:base="http://x"'])
 def test_foreign_attributes_of_a_stroke_are_not_passed_on(evil):
-    text = write_svg(small("grain"))
+    text = write_svg(small("grain"), texture="image")
     for old in (' class="stroke"', "<image "):
         made = text.replace(old, old.rstrip() + " " + evil + " ", 1)
         again = write_svg(read(made))
@@ -338,7 +340,7 @@ def test_foreign_attributes_of_a_stroke_are_not_passed_on(evil):
 
 
 def test_foreign_elements_in_a_stroke_are_not_passed_on():
-    text = write_svg(small("grain"))
+    text = write_svg(small("grain"), texture="image")
     made = text.replace("<image ", "<script>alert(1)</script><image ").replace("data:image/png", "data:image/svg+xml")
     again = write_svg(read(made))
     assert "script" not in again and "svg+xml" not in again and len(read(again).strokes) == 5
