@@ -51,7 +51,7 @@ def strokes_of(path):
     out = []
     for element in ET.parse(path).iter():
         if element.get("class") == "stroke":
-            widths = [float(pair.split(",")[1]) for pair in element.get("data-ss-width").split()]
+            widths = [float(pair.split(",")[-1]) for pair in element.get("data-ss-width").split()]
             out.append((element.get("data-ss-class"), np.array(widths)))
     return out
 
