@@ -118,7 +118,7 @@ def test_strokes_carry_their_centre_line_and_widths():
         rows = slice(flat.strokes.offsets[i], flat.strokes.offsets[i + 1])
         steps = numbers(element.get("data-ss-path")).reshape(-1, 2)
         xy = np.cumsum(steps, axis=0)
-        assert signed_distance(xy, np.zeros(len(xy)), flat.strokes.xy[rows]).max() < 0.048  # slack and rounding
+        assert signed_distance(xy, np.zeros(len(xy)), flat.strokes.xy[rows]).max() < 0.068  # slack and rounding
         assert xy[[0, -1]] == pytest.approx(flat.strokes.xy[rows][[0, -1]], abs=0.0051)
         width = numbers(element.get("data-ss-width"))
         along = np.r_[0, np.cumsum(np.hypot(*np.diff(flat.strokes.xy[rows], axis=0).T))]

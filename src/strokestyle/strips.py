@@ -17,7 +17,7 @@ from .strokes import Drawing
 ONE_INK = 1.5 / 255  # rms; colours nearer than this to the stroke's ink need no palette: the PNG is its opacity
 SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
 LARGE = 250_000  # texels of a drawing; beyond it grain is kept in GRAIN_LEVELS of opacity, else in LEVELS
-LEVELS, GRAIN_LEVELS, COLORS = 16, 8, 16  # what 4 bits a texel hold
+LEVELS, GRAIN_LEVELS, COLORS = 16, 6, 16  # what 4 bits a texel hold
 MAX_TEXELS = 2_000_000  # of a strip
 MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
 

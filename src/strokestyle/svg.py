@@ -29,7 +29,7 @@ from .tones import tone_paths, tones
 
 SAME_INK = 2.5 / 255  # colours nearer than this are one
 NEAR_INK = 24 / 255  # and nearer than this not far off
-PATH_SLACK = 0.04  # px a centre line may be off where data-ss-path leaves points out
+PATH_SLACK = 0.06  # px a centre line may be off where data-ss-path leaves points out
 WIDTH_SLACK = 0.004  # px a width may be off where data-ss-width leaves points out
 ID = re.compile(r"[A-Za-z_][\w.-]{0,99}", re.ASCII)
 RESERVED = {"paper", *(f"layer-{kind}" for kind in KINDS)}
