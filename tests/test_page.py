@@ -5,6 +5,7 @@ import hashlib
 import io
 import json
 import re
+import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 
 import numpy as np
@@ -273,6 +274,8 @@ def test_what_is_saved_is_what_is_seen(opened):
         assert np.abs(seen - rasterise(read(text), 2.0, (1.0, 1.0, 1.0))).mean() < (2.0 if texture else 0.4)
         elements = [re.findall("<(path|g|image)", svg) for svg in (text, untouched)]
         assert elements[0] == elements[1], (texture, encoding)  # as it was encoded
+        roots = [dict(ET.fromstring(svg).attrib) for svg in (text, untouched)]
+        assert roots[0] == roots[1]
 
 
 @in_browser

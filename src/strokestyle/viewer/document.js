@@ -5,11 +5,13 @@ const WIDTH_SLACK = 0.004; // px likewise for widths
 const ALPHAS = 16; // of an image of one ink
 const COLORS = 64; // of another
 const XLINK = "http://www.w3.org/1999/xlink";
+const SLEEPING = " data-ss-style=";
 const SVG = "http://www.w3.org/2000/svg";
 
 /** SVG text of ours -> {text, xml, size, background, options, layers: [kind], strokes: [...]}, in painting order. */
 async function readDrawing(text) {
-  const xml = new DOMParser().parseFromString(text, "image/svg+xml");
+  // a style attribute would be applied even here, and the page's policy would refuse it: it sleeps until it is written
+  const xml = new DOMParser().parseFromString(text.replaceAll(" style=", SLEEPING), "image/svg+xml");
   const root = xml.documentElement;
   const size = root.getAttribute("data-ss-size").split(" ").map(Number);
   const options = new Map((root.getAttribute("data-ss-options") ?? "").split(/\s+/).map((pair) => pair.split("=")));
@@ -153,7 +155,8 @@ async function writeDrawing(drawing, marks) {
     if (!marks[i]) removeStroke(element);
     else if (marks[i].changed) await writeStroke(element, marks[i], drawing.options);
   }
-  return `<?xml version="1.0" encoding="utf-8"?>\n${new XMLSerializer().serializeToString(xml.documentElement)}\n`;
+  const written = new XMLSerializer().serializeToString(xml.documentElement).replaceAll(SLEEPING, " style=");
+  return `<?xml version="1.0" encoding="utf-8"?>\n${written}\n`;
 }
 
 function removeStroke(element) {
