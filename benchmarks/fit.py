@@ -20,6 +20,8 @@ from pathlib import Path
 
 from commands import EXAMPLES, measure
 
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as strokestyle/cli.py, for the reason given there; for children
+
 PROCESS = Path(__file__).resolve()
 SHAPE = EXAMPLES / "shapes" / "elephant.ply"
 MOST = {"quick": 30, "standard": 180}  # s
