@@ -13,12 +13,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from svg import COUNT, SIZE, charcoal, strokes
+from svg import COUNT, POINTS, drawing
 
 from strokestyle.page import page_html
-from strokestyle.strokes import Drawing
 from strokestyle.svg import write_svg
-from strokestyle.texture import learn_texture, synthesise
 
 SECONDS = 2.0
 FLUID = 30.0  # frames a second
@@ -29,13 +27,6 @@ window.frames_ = [];
 const plain = window.paint;
 window.paint = (fine) => { plain(fine); frames_.push([performance.now(), fine]); };
 """
-
-
-def bench_drawing() -> Drawing:
-    few, many = strokes(30, 1), strokes(COUNT, 2, 5.2)
-    bank = learn_texture(few, few.thickness[:, None], charcoal(few, 3), 0)
-    texture, color = synthesise(bank, many, many.thickness[:, None], 0)
-    return Drawing(many, (SIZE, SIZE), color, texture)
 
 
 def middle(browser, selector):
@@ -69,7 +60,7 @@ def main():
     if WHY_NOT:
         print(f"skipped: {WHY_NOT}")
         return
-    text = write_svg(bench_drawing())
+    text = write_svg(drawing("grain", POINTS))
     page = page_html([("bench.svg", text)])
     with tempfile.TemporaryDirectory() as folder, Browser() as browser:
         path = Path(folder, "page.html")
