@@ -268,3 +268,13 @@ def test_outputs_that_cannot_be_written(studio, tmp_path):
     refused(
         "fit", studio / "drawing.png", studio / "torus.obj", "-o", studio / "drawing.pt", *VIEW, words=["is the input"]
     )
+
+
+def test_lines_of_a_drawing_in_a_learned_hand(studio, tmp_path):
+    drawn, out = tmp_path / "a.svg", tmp_path / "b.svg"
+    assert run("render", studio / "m.pt", studio / "ball.ply", "-o", drawn, *VIEW).exit_code == 0
+    result = run("edit", drawn, "-o", out, "--recolor", "#00ff00", "--restyle", studio / "m.pt", "--drop", "<5")
+    assert result.exit_code == 0, result.stderr
+    before, after = strokes_of(drawn), strokes_of(out)
+    assert after and sum(len(widths) for _, widths in after) > 0.5 * sum(len(widths) for _, widths in before)
+    assert "#00ff00" not in out.read_text()  # the ink is the model's
