@@ -28,7 +28,7 @@ def test_many_colours_are_shown_closely():
     layer = np.stack([x * 0.9, 0.5 * y, 0.3 + 0 * x, np.ones_like(x)], axis=-1) * (0.3 + 0.7 * x[..., None])
     colors = Quantiser(layer.reshape(-1, 4))
     index, palette = used(colors.index(layer.reshape(-1, 4)).reshape(40, 60), colors.palette)
-    assert len(palette) <= 192 and index.max() < len(palette)
+    assert len(palette) <= 128 and index.max() < len(palette)
     got = decoded(encode_png(index, np.rint(255 * np.clip(palette, 0, 1)).astype(np.uint8)))
     assert np.abs(got[..., :3] * got[..., 3:] - layer[..., :3]).mean() < 0.02
     assert np.abs(got[..., 3] - layer[..., 3]).mean() < 0.03

@@ -72,7 +72,7 @@ def test_image_svg_shows_what_the_raster_shows(texture, scale):
     textured = drawing(texture=texture)
     picture = rendered(write_svg(textured, texture="image"), scale)
     error = np.abs(picture - rasterise(textured, scale, (1, 1, 1)))
-    assert error.mean() < 2.6  # 18 % of this small page is stroke, of a real one 4 %: there it is 0.6
+    assert error.mean() < 3.0  # 18 % of this small page is stroke, of a real one 4 %: there it is 0.6
     assert np.abs(picture - rasterise(textured, scale, (1, 1, 1), texture=False)).mean() > 3 * error.mean()
 
 

@@ -19,7 +19,7 @@ from .ribbons import Ribbon, ribbon
 from .strokes import Drawing
 
 SLACK = 2.0  # times the tolerance of an outline: how far the edge of a tone may be off
-POINTS = 60_000  # of all polygons: beyond it the slack grows, so that a dense drawing stays a file to work with
+POINTS = 80_000  # of all polygons: beyond it the slack grows, so that a dense drawing stays a file to work with
 COARSEST = 0.6  # px, the most that it grows to
 SPECK = 3.0  # times the slack squared: regions and holes of less area are left out
 GRID = 5  # polygon points a px; the middles of its sides then have one decimal
