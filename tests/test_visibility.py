@@ -114,9 +114,7 @@ def test_units_and_places_do_not_matter():
     direction = rng.normal(size=(500, 3)) - [0, 0, 3]
     reference = Scene(surface).first_hit([0, 0, 2.0], direction)
     for scale, shift in ((1e-5, 0.0), (1e5, 0.0), (1.0, 1e4), (300.0, -1e6)):
-        moved = SimpleNamespace(
-            vertices=surface.vertices * scale + shift, faces=surface.faces, normals=surface.normals
-        )
+        moved = SimpleNamespace(vertices=surface.vertices * scale + shift, faces=surface.faces, normals=surface.normals)
         hits = Scene(moved).first_hit(np.array([0, 0, 2.0]) * scale + shift, direction)
         assert (hits.face == reference.face).mean() > 0.99
         same = (hits.face == reference.face) & (hits.face >= 0)

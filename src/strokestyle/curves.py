@@ -45,9 +45,7 @@ class Curves:
         check_offsets(offsets, len(xy), 2, "Curves")
         count = len(offsets) - 1
         if kind.shape != (count,) or closed.shape != (count,):
-            raise ValueError(
-                f"Curves.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}"
-            )
+            raise ValueError(f"Curves.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}")
         if count and not (0 <= kind.min() and kind.max() < len(KINDS)):
             raise ValueError(f"Curves.kind must lie in 0..{len(KINDS) - 1}")
         for name, value in (("xy", xy), ("offsets", offsets), ("kind", kind), ("closed", closed)):
