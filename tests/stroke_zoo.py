@@ -52,6 +52,9 @@ def zoo():
         "tapered to nothing": stroke([[20, 20], [60, 30], [100, 20]], [0, 12, 0]),
         "one disc in another": stroke([[20, 40], [25, 40], [60, 45]], [30, 4, 20]),
         "spiral": stroke(np.stack([70 + 50 * t * np.cos(14 * t), 70 + 50 * t * np.sin(14 * t)], 1), 3 + 10 * t),
+        "a hair": stroke(wobble, 0.02),
+        "hairpin tapered to nothing": stroke(there_and_back, 12 * np.abs(np.sin(np.pi * np.linspace(0, 1, 80)))),
+        "closed and self-crossing": stroke(np.concatenate([eight, eight[1:] + [4, 3], eight[:1]]), 7, True),
         "zigzag": stroke(np.stack([20 + 100 * t, 60 + 8.0 * (np.arange(40) % 2)], 1), 10),
     }
 

@@ -158,7 +158,7 @@ def _offset_ring(p, r, turn, tolerance):
         meet[lost] = False
         meet[after[lost]] = False
     pivot = inside & ~meet
-    arc = ~inside & (np.abs(swing) > 1e-9) & (r > 1e-3)
+    arc = ~inside & (np.abs(swing) > 1e-9) & (r > tolerance)
     steps = np.where(arc, np.ceil(np.abs(swing) / _chord_angle(r, tolerance)).astype(np.int64) + 1, 1)
     steps = np.where(pivot, 3, steps)
     steps = np.where(~inside & ~arc, 1, steps)
