@@ -17,13 +17,6 @@ def ink_palette(ink: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([np.tile(ink, (count, 1)), np.arange(count)[:, None] / (count - 1)], axis=1)
 
 
-def _packed(filtering: int, lines: np.ndarray, strategy: int) -> bytes:
-    """Lines of bytes (h, w), each behind the number of its PNG filter, compressed."""
-    lines = np.concatenate([np.full((len(lines), 1), filtering, np.uint8), lines], axis=1)
-    packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, strategy)
-    return packer.compress(lines.tobytes()) + packer.flush()
-
-
 class Quantiser:
     """At most `count` colours for many: premultiplied RGBA in [0, 1], the first of them clear.
 
@@ -66,24 +59,39 @@ def encode_png(index: np.ndarray, palette: np.ndarray) -> bytes:
 
     4 bits where they do, and then run lengths only: smaller for grain than what pillow writes, and ten times faster.
     """
+    if len(palette) <= 16:
+        return png(index, palette, 4, [(0, zlib.Z_RLE)])
+    # many levels are soft tone: a line is much like the one above it
+    return png(index, palette, 8, [(0, zlib.Z_RLE), (2, zlib.Z_FILTERED)])
+
+
+def png(index: np.ndarray, palette: np.ndarray | None, bits: int, ways: list[tuple[int, int]]) -> bytes:
+    """Values (h, w) uint8 of 4 or 8 bits as a PNG, grey or with a palette of straight RGBA (n, 4) uint8.
+
+    `ways` are pairs of a PNG filter (0, or 2, the difference to the line above) and a strategy of zlib: the one that
+    makes the smallest file is taken.
+    """
     height, width = index.shape
-    bits = 4 if len(palette) <= 16 else 8
+    lines = index
     if bits == 4:
         even = np.pad(index, ((0, 0), (0, width % 2)))
-        index = (even[:, ::2] << 4) | even[:, 1::2]
-    data = _packed(0, index, zlib.Z_RLE)
-    if bits == 8:  # many levels are soft tone: a line is much like the one above it
-        ahead = index.copy()
-        ahead[1:] -= index[:-1]
-        data = min(data, _packed(2, ahead, zlib.Z_FILTERED), key=len)
+        lines = (even[:, ::2] << 4) | even[:, 1::2]
+    header = struct.pack(">IIBBBBB", width, height, bits, 0 if palette is None else 3, 0, 0, 0)
+    parts = [(b"IHDR", header)]
+    if palette is not None:
+        parts += [(b"PLTE", palette[:, :3].tobytes()), (b"tRNS", palette[:, 3].tobytes())]
+    parts += [(b"IDAT", min((_deflated(lines, *way) for way in ways), key=len)), (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body)) for name, body in parts
+    )
 
-    def chunk(name, body):
-        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
 
-    header = struct.pack(">IIBBBBB", width, height, bits, 3, 0, 0, 0)
-    parts = [(b"IHDR", header), (b"PLTE", palette[:, :3].tobytes()), (b"tRNS", palette[:, 3].tobytes())]
-    parts += [(b"IDAT", data), (b"IEND", b"")]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
+def _deflated(lines: np.ndarray, filtering: int, strategy: int) -> bytes:
+    if filtering == 2:
+        lines = lines - np.concatenate([np.zeros_like(lines[:1]), lines[:-1]])
+    lines = np.concatenate([np.full((len(lines), 1), filtering, np.uint8), lines], axis=1)
+    packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, strategy)
+    return packer.compress(lines.tobytes()) + packer.flush()
 
 
 def quantise(flat, count):

@@ -6,13 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .inks import inks
+from .inks import GRAIN, inks
 from .painting import textured_pixels
 from .palette import FEW, MANY, Quantiser, encode_png, ink_palette, used
 from .strokes import Drawing
 
 SAMPLE = 40_000  # texels that a drawing's colours are chosen from
-GRAIN = 0.05  # change of opacity from texel to texel, of the mean: beyond it few levels will do
 SEEN = 0.5 / 255  # opacity
 
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from .outlines import outlines
-from .strokes import Drawing, Strokes, distinct
+from .strokes import Strokes, distinct
 
 STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
 NARROWING = 0.25  # px a px: the most by which a ribbon's half width falls along it
@@ -49,14 +48,6 @@ def half_widths(strokes: Strokes, i: int, margin: float) -> np.ndarray:
         half, s = np.tile(half, 3), np.concatenate([s - s[-1], s, s + s[-1]])
     half = np.maximum(np.maximum.accumulate(half + s) - s, np.maximum.accumulate((half - s)[::-1])[::-1] + s)
     return half[len(xy) : 2 * len(xy)] + margin if strokes.closed[i] else half + margin
-
-
-def ribbon_outlines(drawing: Drawing, tolerance: float = 0.1, index=None) -> list[list[np.ndarray]]:
-    """Outlines of the ribbons that the texture fills, as `outlines` has them of the strokes."""
-    strokes = drawing.strokes
-    half = [half_widths(strokes, i, drawing.texture.margin[i]) for i in range(len(strokes))]
-    wide = 2.0 * np.concatenate(half) if half else strokes.thickness
-    return outlines(Strokes(strokes.xy, wide, strokes.offsets, strokes.kind, strokes.closed), tolerance, index)
 
 
 def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbon:

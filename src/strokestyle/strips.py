@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 from scipy.linalg import solveh_banded
 
-from .palette import quantise
+from .palette import png, quantise
 from .strokes import Drawing
 
 ONE_INK = 1.5 / 255  # rms; colours nearer than this to the stroke's ink need no palette: the PNG is its opacity
@@ -19,6 +19,7 @@ SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
 LARGE = 250_000  # texels of a drawing; beyond it grain is kept in GRAIN_LEVELS of opacity, else in LEVELS
 LEVELS, GRAIN_LEVELS, COLORS = 16, 6, 16  # what 4 bits a texel hold
 MAX_TEXELS = 2_000_000  # of a strip
+WAYS = [(0, zlib.Z_DEFAULT_STRATEGY), (2, zlib.Z_DEFAULT_STRATEGY)]  # of packing its PNG; the smaller is kept
 MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
 
 
@@ -38,15 +39,15 @@ def strips_png(drawing: Drawing, index=None) -> list[bytes]:
         stray = np.square((strip[..., :3] - drawing.color[i, :3]) * alpha[..., None]).sum()
         if stray <= 3 * ONE_INK**2 * max(np.square(alpha).sum(), 1e-9):
             level = np.rint(np.clip(_smaller(alpha, rows, columns), 0, 1) * (levels - 1)) / (levels - 1)
-            made.append(_png(np.rint(15 * level).astype(np.uint8).T))
+            made.append(png(np.rint(15 * level).astype(np.uint8).T, None, 4, WAYS))
         else:
             strip[..., :3] *= alpha[..., None]
             small = np.stack([_smaller(strip[..., k], rows, columns) for k in range(4)], axis=-1)
             small = np.clip(small, 0, 1)
             small[..., :3] = np.minimum(small[..., :3], small[..., 3:])
-            index, palette = quantise(small.reshape(-1, 4), COLORS - 1)
+            place, palette = quantise(small.reshape(-1, 4), COLORS - 1)
             palette = np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)
-            made.append(_png(index.reshape(rows, columns).T, palette))
+            made.append(png(place.reshape(rows, columns).T, palette, 4, WAYS))
     return made
 
 
@@ -144,26 +145,3 @@ def _stretch(fine: int, coarse: int) -> np.ndarray:
 def _squeeze(fine: int, coarse: int) -> np.ndarray:
     """The least-squares inverse of `_stretch`, (fine, coarse), to be applied from the right."""
     return np.linalg.pinv(_stretch(fine, coarse)).T
-
-
-def _png(index: np.ndarray, palette: np.ndarray | None = None) -> bytes:
-    """Values 0..15 (h, w) as a PNG of 4 bits a texel, grey or with a palette of straight RGBA (n, 4) uint8."""
-    height, width = index.shape
-    even = np.pad(index, ((0, 0), (0, width % 2)))
-    packed = (even[:, ::2] << 4) | even[:, 1::2]
-    ahead = packed.copy()
-    ahead[1:] -= packed[:-1]  # PNG's filter 2, the difference to the line above
-    data = min((_deflated(0, packed), _deflated(2, ahead)), key=len)
-    parts = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 4, 0 if palette is None else 3, 0, 0, 0))]
-    if palette is not None:
-        parts += [(b"PLTE", palette[:, :3].tobytes()), (b"tRNS", palette[:, 3].tobytes())]
-    parts += [(b"IDAT", data), (b"IEND", b"")]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body)) for name, body in parts
-    )
-
-
-def _deflated(filtering: int, lines: np.ndarray) -> bytes:
-    lines = np.concatenate([np.full((len(lines), 1), filtering, np.uint8), lines], axis=1)
-    packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9)
-    return packer.compress(lines.tobytes()) + packer.flush()

@@ -7,7 +7,7 @@ long, joined along least-error cuts. What varies slowly (tone) follows a regress
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -69,18 +69,6 @@ class TextureBank:
     noise: np.ndarray
     margin: np.ndarray
     flat: np.ndarray
-
-    def to_dict(self) -> dict[str, np.ndarray]:
-        return {field.name: getattr(self, field.name) for field in fields(self)}
-
-    @classmethod
-    def from_dict(cls, arrays: dict[str, np.ndarray]) -> TextureBank:
-        """Raises ValueError where an array is missing."""
-        names = [field.name for field in fields(cls)]
-        missing = [name for name in names if name not in arrays]
-        if missing:
-            raise ValueError(f"texture bank: no {', '.join(missing)} in it")
-        return cls(**{name: np.asarray(arrays[name]) for name in names})
 
 
 @dataclass(frozen=True)
