@@ -6,6 +6,8 @@ import pytest
 from strokestyle.curves import (
     Curves,
     arc_length,
+    blurred,
+    counting,
     owner,
     resample,
     resample_curves,
@@ -109,3 +111,23 @@ def test_simplify_all_keeps_of_each_what_simplify_keeps():
     apart = simplify_all(np.concatenate(lines), offsets, np.r_[0.8, 0.8, 5.0, 0.8, 0.8, 0.8])
     assert apart[offsets[2] : offsets[3]].sum() < keep[offsets[2] : offsets[3]].sum()
     assert simplify_all(np.zeros((0, 2)), np.zeros(1, int), 1.0).shape == (0,)
+
+
+def test_a_blur_keeps_straight_lines_and_ends_and_shrinks_a_circle_as_the_formula_says():
+    line = np.stack([np.arange(30.0), 3 - 2 * np.arange(30.0)], axis=1)
+    assert blurred(line, 2.5) == pytest.approx(line)
+    wave = np.stack([np.arange(60.0), np.sin(np.arange(60.0))], axis=1)
+    soft = blurred(wave, 4.0)
+    assert soft[[0, -1]] == pytest.approx(wave[[0, -1]])
+    assert np.abs(soft[15:45, 1]).max() < 0.01  # a wave of 1 radian a point, times exp(-sigma^2 / 2)
+    angle = np.linspace(0, 2 * np.pi, 101)
+    circle = 10 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    round_it = blurred(circle, 5.0, closed=True)
+    assert np.hypot(*round_it.T) == pytest.approx(10 * np.exp(-0.5 * (2 * np.pi * 5 / 100) ** 2), rel=1e-3)
+    assert blurred(line[:1], 9.0) == pytest.approx(line[:1])
+    assert blurred(line[:2], 9.0).mean(axis=0) == pytest.approx(line[:2].mean(axis=0))  # shrinks, but about its middle
+
+
+def test_counting_starts_anew_with_each_number():
+    assert counting(np.array([3, 0, 1, 2])).tolist() == [0, 1, 2, 0, 0, 1]
+    assert counting(np.zeros(0, int)).tolist() == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 # Line kinds in order of priority: where two run together, the earlier one stays.
 KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent", "intersection", "other")
@@ -101,6 +102,11 @@ def take_ragged(offsets: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.
     return rows, new
 
 
+def counting(count: np.ndarray) -> np.ndarray:
+    """0, 1 ... n - 1 for each n of `count`, one after the other."""
+    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+
+
 def owner(offsets: np.ndarray) -> np.ndarray:
     """The curve that each row belongs to, (N,)."""
     return np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
@@ -114,6 +120,21 @@ def arc_length(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     step[offsets[:-1]] = 0.0
     total = np.cumsum(step)
     return total - np.repeat(total[offsets[:-1]], np.diff(offsets))
+
+
+def blurred(values: np.ndarray, sigma: float, closed: bool = False) -> np.ndarray:
+    """Values (n, d) at evenly spaced points of one curve under a Gaussian of `sigma` points.
+
+    An open curve is turned about its end points, so that these stay where it is longer than 4 sigma; a closed one, whose
+    last point is its first, goes round.
+    """
+    reach = min(int(4 * sigma) + 1, len(values) - 1)
+    if closed:
+        padded = np.concatenate([values[-1 - reach : -1], values, values[1 : 1 + reach]])
+    else:
+        before, after = values[reach:0:-1], values[-2 : -2 - reach : -1]
+        padded = np.concatenate([2 * values[:1] - before, values, 2 * values[-1:] - after])
+    return ndimage.gaussian_filter1d(padded, sigma, axis=0, mode="nearest")[reach : reach + len(values)]
 
 
 def tangents(xy: np.ndarray, offsets: np.ndarray, closed: np.ndarray | None = None) -> np.ndarray:

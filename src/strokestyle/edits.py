@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from .curves import KINDS, arc_length, simplify, take_ragged, tangents
+from .curves import KINDS, arc_length, blurred, counting, simplify, take_ragged, tangents
 from .ribbons import half_widths
 from .strips import wider
 from .strokes import Drawing, Strokes, Texture
@@ -371,7 +371,7 @@ def _evenly(line: _Line, spacing: float) -> _Line:
         raise ValueError(f"a stroke {step.sum():.3g} px long is too long to be edited")
     pieces = np.maximum(np.ceil(step / spacing - 1e-9), 1).astype(np.int64)
     k = np.repeat(np.arange(len(step)), pieces)
-    at = np.r_[k + (np.arange(len(k)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[k], len(step)]
+    at = np.r_[k + counting(pieces) / pieces[k], len(step)]
     index = np.arange(len(line.xy))
     xy = np.stack([np.interp(at, index, column) for column in line.xy.T], axis=1)
     return _Line(line.index, xy, np.interp(at, index, line.thickness), np.interp(at, index, line.was), line.closed)
@@ -384,13 +384,7 @@ def _smoothed(xy, s, sigma, closed):
     count = int(np.clip(np.ceil(s[-1] / max(sigma / 4, 1e-3)), 8, 20_000))
     at = np.linspace(0.0, s[-1], count + 1)
     even = np.stack([np.interp(at, s, column) for column in xy.T], axis=1)
-    width = sigma * count / s[-1]
-    reach = int(min(4 * width + 1, count))
-    if closed:
-        padded = np.concatenate([even[-1 - reach : -1], even, even[1 : 1 + reach]])
-    else:  # turned about the ends, so that these stay where they are
-        padded = np.concatenate([2 * even[:1] - even[reach:0:-1], even, 2 * even[-1:] - even[-2 : -2 - reach : -1]])
-    even = ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest")[reach : reach + count + 1]
+    even = blurred(even, sigma * count / s[-1], closed)
     return np.stack([np.interp(s, at, column) for column in even.T], axis=1)
 
 
@@ -429,7 +423,7 @@ def _through(xy, closed):
     leave, arrive = np.where(sharp, slope[1:], tangent)[:-1], np.where(sharp, slope[:-1], tangent)[1:]
     pieces = np.maximum(np.ceil(np.hypot(*np.diff(xy, axis=0).T) / STEP), 1).astype(np.int64)
     k = np.repeat(np.arange(len(pieces)), pieces)
-    f = (np.arange(len(k)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[k]
+    f = counting(pieces) / pieces[k]
     t, h = f[:, None], gap[1:-1][k]
     curve = (
         (2 * t**3 - 3 * t**2 + 1) * xy[k]

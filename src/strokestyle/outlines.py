@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .cubics import fit_cubics
+from .curves import counting
 from .strokes import Strokes, distinct, signed_distance
 
 FIT_STEP = 1.5  # px between the points of an outline that its cubics are fitted to
@@ -103,7 +104,7 @@ def _evenly(ring, hard):
     d = np.roll(ring, -1, axis=0) - ring
     pieces = np.maximum(np.ceil(np.hypot(d[:, 0], d[:, 1]) / FIT_STEP).astype(np.int64), 1)
     k = np.repeat(np.arange(len(ring)), pieces)
-    j = np.arange(len(k)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    j = counting(pieces)
     return ring[k] + (j / pieces[k])[:, None] * d[k], hard[k] & (j == 0)
 
 
@@ -163,7 +164,7 @@ def _offset_ring(p, r, turn, tolerance):
     steps = np.where(pivot, 3, steps)
     steps = np.where(~inside & ~arc, 1, steps)
     vertex = np.repeat(np.arange(n), steps)
-    j = np.arange(len(vertex)) - np.repeat(np.cumsum(steps) - steps, steps)
+    j = counting(steps)
     angle = normal[before][vertex] + swing[vertex] * j / np.maximum(steps[vertex] - 1, 1)
     ring = p[vertex] + r[vertex, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     ring[meet[vertex]] = (start[before] + s[:, None] * u)[vertex[meet[vertex]]]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .curves import counting
 from .ribbons import Ribbon, ribbon, sample_strips
 from .strokes import Drawing, Strokes, cone_distance, distinct, paint_order, segments
 
@@ -45,7 +46,7 @@ def _near_pairs(xy, reach, crop):
     size = np.maximum(np.clip(high, 0, [crop.w, crop.h]).astype(np.int64) - low, 0)
     count = size[:, 0] * size[:, 1]
     segment = np.repeat(np.arange(len(a)), count)
-    k = np.arange(len(segment)) - np.repeat(np.cumsum(count) - count, count)
+    k = counting(count)
     width = np.repeat(size[:, 0], count)
     row = k // np.maximum(width, 1)
     x = np.repeat(low[:, 0], count) + k - row * width
@@ -60,7 +61,7 @@ def _short_steps(xy, *fields):
     if (pieces == 1).all():
         return (xy, *fields)
     at = np.repeat(np.arange(len(step)), pieces)
-    at = at + (np.arange(len(at)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[at]
+    at = at + counting(pieces) / pieces[at]
     at, k = np.r_[at, len(step)], np.arange(len(xy))
     return (np.stack([np.interp(at, k, c) for c in xy.T], axis=1), *(np.interp(at, k, f) for f in fields))
 
@@ -212,7 +213,7 @@ def _slabs(start, direction, length, half, overhang, box):
     end = np.clip(np.floor(middle[:, 1] + tall - 0.5) + 1, box[:, 1], box[:, 1] + box[:, 3]).astype(np.int64)
     count = np.maximum(end - top, 0)
     k = np.repeat(np.arange(len(count)), count)
-    y = np.arange(len(k)) - np.repeat(np.cumsum(count) - count, count) + top[k]
+    y = counting(count) + top[k]
     rise = y + 0.5 - middle[k, 1]
     # |x dx + rise dy| <= reach and |rise dx - x dy| <= half, for x from the middle
     safe_x, safe_y = (np.where(np.abs(c) > 1e-9, c, 1e-9)[k] for c in (dx, dy))
@@ -224,7 +225,7 @@ def _slabs(start, direction, length, half, overhang, box):
     right = np.clip(np.floor(right) + 1, box[k, 0], box[k, 0] + box[k, 2]).astype(np.int64)
     count = np.maximum(right - left, 0)
     row = np.repeat(np.arange(len(count)), count)
-    x = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + left[row]
+    x = counting(count) + left[row]
     return k[row], x, y[row]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
+from .curves import blurred
 from .strokes import Strokes, distinct
 
 STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
@@ -79,13 +79,7 @@ def _stiffened(xy, half, closed):
     at = np.linspace(0.0, along[-1], count + 1)
     even = np.stack([np.interp(at, along, column) for column in xy.T], axis=1)
     half = np.interp(at, along, half)
-    sigma = sigma * count / along[-1]
-    reach = min(int(4 * sigma) + 1, count)
-    if closed:
-        padded = np.concatenate([even[-1 - reach : -1], even, even[1 : 1 + reach]])
-    else:  # turned about the ends, so that these stay where they are
-        padded = np.concatenate([2 * even[:1] - even[reach:0:-1], even, 2 * even[-1:] - even[-2 : -2 - reach : -1]])
-    smooth = ndimage.gaussian_filter1d(padded, sigma, axis=0, mode="nearest")[reach : reach + count + 1]
+    smooth = blurred(even, sigma * count / along[-1], closed)
     if closed:
         smooth[-1] = smooth[0]
     moved = np.hypot(*np.diff(smooth, axis=0).T) > 1e-6

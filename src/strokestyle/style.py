@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from . import __version__
-from .curves import KINDS, Curves, arc_length, owner, simplify, tangents
+from .curves import KINDS, Curves, arc_length, blurred, owner, simplify, tangents
 from .model_file import read_model, write_model
 from .planning import Planned, plan_strokes
 from .strokes import Drawing, Strokes
@@ -231,15 +231,11 @@ def along_strokes(
 ) -> np.ndarray:
     """Gaussian of `sigma` px along every stroke. `pin` reflects through the end points, so that these stay."""
     out = np.empty_like(values)
-    reach = int(4 * sigma / spacing) + 1
     for a, b in zip(offsets[:-1], offsets[1:], strict=True):
-        part = values[a:b]
-        if pin and b - a > 1:
-            n = min(reach, b - a - 1)
-            part = np.concatenate([2 * part[:1] - part[n:0:-1], part, 2 * part[-1:] - part[-2 : -2 - n : -1]])
-            out[a:b] = ndimage.gaussian_filter1d(part, sigma / spacing, axis=0, mode="nearest")[n : n + b - a]
+        if pin:
+            out[a:b] = blurred(values[a:b], sigma / spacing)
         else:
-            out[a:b] = ndimage.gaussian_filter1d(part, sigma / spacing, axis=0, mode="nearest")
+            out[a:b] = ndimage.gaussian_filter1d(values[a:b], sigma / spacing, axis=0, mode="nearest")
     return out
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .curves import owner, simplify_all, take_ragged
+from .curves import counting, owner, simplify_all, take_ragged
 from .inks import inks
 from .isolines import isolines
 from .ribbons import Ribbon, ribbon
@@ -182,7 +182,7 @@ def _laid(at, offsets, frames, columns):
     if (pieces == 1).all():
         return xy, offsets
     k = np.repeat(np.arange(len(at)), pieces)
-    j = np.arange(len(k)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    j = counting(pieces)
     fine = at[k] + (j / pieces[k])[:, None] * (at[after] - at)[k]
     return _place(fine, frames, columns), np.r_[0, np.cumsum(pieces)][offsets]
 

@@ -13,7 +13,7 @@ from scipy.ndimage import distance_transform_edt
 
 from .camera import Camera
 from .chaining import beside_none, tidy
-from .curves import DEFAULT_SPACING, KINDS, Curves, owner, resample_curves, take_ragged
+from .curves import DEFAULT_SPACING, KINDS, Curves, counting, owner, resample_curves, take_ragged
 from .feature_curves import LineOptions, SurfaceCurves, ViewFields, feature_curves
 from .files import replace_file
 from .surface import Surface
@@ -287,7 +287,7 @@ def _nodes(points: np.ndarray, offsets: np.ndarray, camera: Camera) -> tuple[np.
     lead, tail = t0 > 0.0, meets & (t1 < 1.0)  # a row outside the canvas; an end on its edge
     count = lead + pieces + tail
     row = np.repeat(here, count)
-    k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) - lead[row]
+    k = counting(count) - lead[row]
     t = t0[row] + (t1 - t0)[row] * np.maximum(k, 0) / pieces[row]
     return row, np.where(k < 0, 0.0, t)
 
@@ -425,7 +425,7 @@ def plain_raster(curves: Curves, width: int, height: int) -> np.ndarray:
     d = curves.xy[first + 1] - curves.xy[first]
     count = np.maximum(np.ceil(np.hypot(*d.T) / 4.0), 1).astype(np.int64)  # 8 x 8 pixels hold 4 px and their margin
     d = np.repeat(d / count[:, None], count, axis=0)
-    k = np.arange(len(d)) - np.repeat(np.cumsum(count) - count, count)
+    k = counting(count)
     a = np.repeat(curves.xy[first], count, axis=0) + k[:, None] * d
     corner = np.floor(np.minimum(a, a + d) - 1.0).astype(np.int64)
     step = np.arange(8)
