@@ -125,8 +125,8 @@ def arc_length(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
 def blurred(values: np.ndarray, sigma: float, closed: bool = False) -> np.ndarray:
     """Values (n, d) at evenly spaced points of one curve under a Gaussian of `sigma` points.
 
-    An open curve is turned about its end points, so that these stay where it is longer than 4 sigma; a closed one, whose
-    last point is its first, goes round.
+    An open curve is turned about its end points, so that these stay where it is longer than 4 sigma; a closed one,
+    whose last point is its first, goes round.
     """
     reach = min(int(4 * sigma) + 1, len(values) - 1)
     if closed:
