@@ -156,3 +156,24 @@ def moebius(around=40, across=5):
     last, first = (around - 1) * across + np.arange(across), np.arange(across)[::-1]
     a, b, c, d = last[:-1], last[1:], first[1:], first[:-1]
     return Shape(vertices, np.concatenate([faces, np.stack([a, d, c], 1), np.stack([a, c, b], 1)]))
+
+
+def wheel(spokes=5):
+    """A wheel in the plane z = 0, of parts that touch: {"tire": Shape, "hub": ..., "spoke 1": ...}."""
+    turned = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]).T  # the y axis to z
+    parts = {"tire": torus(1.0, 0.14, 64, 16), "hub": sphere(2, 0.25)}
+    for k in range(spokes):
+        rod, a = cylinder(0.05, 0.7, 12, 9), 2 * np.pi * k / spokes
+        turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+        parts[f"spoke {k + 1}"] = Shape((rod.vertices + [0, 0.55, 0]) @ turn.T, rod.faces)
+    return {name: Shape(s.vertices @ turned if name == "tire" else s.vertices, s.faces) for name, s in parts.items()}
+
+
+def obj_text(parts):
+    """{name: Shape} as a Wavefront OBJ file, an object each; "" is none, which can be but the first."""
+    lines, done = [], 1
+    for name, shape in parts.items():
+        lines += [f"o {name}"] * bool(name) + ["v {:.6f} {:.6f} {:.6f}".format(*v) for v in shape.vertices]
+        lines += ["f {} {} {}".format(*(f + done)) for f in shape.faces]
+        done += len(shape.vertices)
+    return "\n".join(lines) + "\n"

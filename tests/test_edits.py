@@ -236,9 +236,9 @@ def test_an_edit_for_some_kinds():
     "name, text, found",
     [
         ("thickness", "x", "takes a number"), ("thickness", "-1", "between"), ("thickness", "nan", "takes a number"),
-        ("thickness", "arm=2", "no such kind"), ("wiggle", "3", "two numbers"), ("wiggle", "3,0", "wavelength"),
+        ("thickness", "arm=x", "takes a number"), ("wiggle", "3", "two numbers"), ("wiggle", "3,0", "wavelength"),
         ("smooth", "-1", "between"), ("move", "s1:0.5", "STROKE:POINT:DX,DY"), ("move", "s1:2:1,1", "between 0 and 1"),
-        ("drop", "arm", "no such kind"), ("drop", "", "a length such as"), ("recolor", "hue", "a colour is"),
+        ("drop", "", "a length such as"), ("recolor", "hue", "a colour is"),
         ("taper", "", "takes a number"),
     ],
 )  # fmt: skip

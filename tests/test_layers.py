@@ -8,7 +8,7 @@ import pytest
 SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 RANK = {
     "files": 0, "camera": 0, "mesh_files": 0, "edges": 0, "curves": 0, "raster": 0, "model": 0,
-    "devices": 0, "cubics": 0,
+    "devices": 0, "cubics": 0, "parts": 0,
     "palette": 0,
     "registration": 0, "isolines": 0,
     "intersections": 0, "creases": 0,

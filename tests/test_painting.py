@@ -53,8 +53,9 @@ def test_contours_are_painted_last_and_strokes_of_a_kind_as_given():
         stroke([[30, 5], [30, 40]], 6, kind=VALLEY),
         stroke([[20, 5], [20, 40]], 6),
     )
-    assert paint_order(line).tolist() == [1, 0, 2]
-    image = rasterise(Drawing(line, (60, 45), [[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]]))
+    drawing = Drawing(line, (60, 45), [[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]])
+    assert paint_order(drawing).tolist() == [1, 0, 2]
+    image = rasterise(drawing)
     assert image[20, 30, :3].tolist() == [255, 0, 0] and image[20, 20, :3].tolist() == [0, 0, 255]
 
 

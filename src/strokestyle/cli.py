@@ -228,8 +228,9 @@ file_options = _options(
     click.option("--page-size", metavar="A4|WxHmm", help="Paper: A0 to A6, letter, legal, or for instance 210x297mm."),
     click.option(
         "--layers",
-        type=click.Choice(["kind", "none"]),
-        help="A layer for each kind of line, or none: strokes in painting order.  [default: kind]",
+        type=click.Choice(["kind", "part", "none"]),
+        help="A layer for each kind of line, in it one for each named part of the mesh; part: the other way round; "
+        "none: strokes in painting order.  [default: kind]",
     ),
     click.option("--decimals", type=click.IntRange(0, 6), help="Of the coordinates.  [default: 2]"),
     click.option("--title", metavar="TEXT", help="Of the drawing.  [default: the shape's name]"),
@@ -566,7 +567,8 @@ EDITS = ("thickness", "wiggle", "smooth", "simplify", "move", "taper", "recolor"
 @main.command(
     cls=EditCommand,
     epilog="""\b
-Any edit but --move, --restyle and --drop can be for certain lines only: --thickness contour=1.5.
+Any edit but --move, --restyle and --drop can be for certain lines only, by kind or by part of the mesh:
+--thickness contour=1.5, --recolor wheel,hub=#a33. --drop names them likewise.
 
 \b
 Examples:
@@ -646,7 +648,8 @@ def _restyled(model: str, sheet, seed: int):
 
     strokes, (width, height) = sheet.drawing.strokes, sheet.drawing.size
     style = _style(model, "auto")
-    lines = view_of_lines(Curves(strokes.xy, strokes.offsets, strokes.kind, strokes.closed), width, height)
+    curves = Curves(strokes.xy, strokes.offsets, strokes.kind, strokes.closed)
+    lines = view_of_lines(curves, width, height, parts=sheet.drawing.parts)
     drawing = style.draw(lines, seed=seed)
     return Sheet(drawing, ("",) * len(drawing.strokes))
 
@@ -954,7 +957,8 @@ def _write_view(view, output: str, title: str) -> None:
     else:
         size = (view.camera.width, view.camera.height)
         paper = "#ffffff" if suffix == ".png" else None
-        text = plain_svg(view.curves, size, title=title, background=paper, hidden=view.hidden)
+        named = {"parts": view.curve_parts, "hidden_parts": view.hidden_curve_parts}
+        text = plain_svg(view.curves, size, title=title, background=paper, hidden=view.hidden, **named)
         if output == "-":
             click.echo(text, nl=False)
         elif suffix == ".png":

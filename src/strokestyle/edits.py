@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
 from .curves import KINDS, arc_length, blurred, counting, simplify, take_ragged, tangents
+from .parts import part_name
 from .ribbons import half_widths
 from .strips import wider
 from .strokes import Drawing, Strokes, Texture
@@ -192,7 +193,7 @@ def recolor(drawing: Drawing, color: tuple[float, float, float], only: np.ndarra
             shift = 0.0 if even else strip[..., :3] - mean
             rgba[rows, :, :3] = np.rint(np.clip(255 * color + shift, 0, 255))
         texture = Texture(rgba, texture.offsets, texture.margin)
-    return Drawing(drawing.strokes, drawing.size, ink, texture, drawing.art)
+    return replace(drawing, color=ink, texture=texture)
 
 
 def keep(drawing: Drawing, index: np.ndarray) -> Drawing:
@@ -204,7 +205,8 @@ def keep(drawing: Drawing, index: np.ndarray) -> Drawing:
     if texture is not None:
         rows, offsets = take_ragged(texture.offsets, index)
         texture = Texture(texture.rgba[rows], offsets, texture.margin[index])
-    return Drawing(kept, drawing.size, drawing.color[index], texture, drawing.art)
+    parts = None if drawing.parts is None else drawing.parts.take(index)
+    return replace(drawing, strokes=kept, color=drawing.color[index], texture=texture, parts=parts)
 
 
 def lengths(drawing: Drawing) -> np.ndarray:
@@ -234,16 +236,20 @@ Edit = Callable[[Sheet, int], Sheet]  # (sheet, seed)
 
 
 def parse_edit(name: str, text: str) -> Edit:
-    """An edit as the command line says it: "thickness", "contour=1.5". Raises ValueError on what is none."""
+    """An edit as the command line says it: "thickness", "contour=1.5". Raises ValueError on what is none.
+
+    What stands before "=" are kinds of line and names of parts, with commas between. Whether the drawing has such a
+    part is not known before the edit is made; it raises ValueError then.
+    """
     if name == "move":
         return _parse_move(text)
     if name == "drop":
         return _parse_drop(text)
-    kinds, _, value = text.rpartition("=")
-    kinds = _kinds(kinds) if kinds else None
+    which, _, value = text.rpartition("=")
+    which = which or None
     if name == "recolor":
         color = _color(value)
-        return _on(kinds, lambda drawing, only, seed: recolor(drawing, color, only))
+        return _on(which, lambda drawing, only, seed: recolor(drawing, color, only))
     numbers = _numbers(value, f"--{name}", 2 if name == "wiggle" else 1)
     edit = {
         "thickness": lambda drawing, only, seed: thicken(drawing, *numbers, only),
@@ -254,15 +260,38 @@ def parse_edit(name: str, text: str) -> Edit:
     }[name]
     nothing = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), (1, 1), np.zeros((0, 4)))
     edit(nothing, None, 0)  # so that bad numbers are refused before any work
-    return _on(kinds, edit)
+    return _on(which, edit)
 
 
-def _on(kinds: set[int] | None, edit) -> Edit:
+def _on(which: str | None, edit) -> Edit:
     def apply(sheet: Sheet, seed: int) -> Sheet:
-        only = None if kinds is None else np.isin(sheet.drawing.strokes.kind, list(kinds))
+        only = None if which is None else named(sheet.drawing, which)
         return Sheet(edit(sheet.drawing, only, seed), sheet.ids)
 
     return apply
+
+
+def named(drawing: Drawing, which: str) -> np.ndarray:
+    """The strokes (C,) bool of kinds and parts, as "contour,wheel" names them; where a name is both, it is the kind.
+
+    Raises ValueError on a name that is neither, telling those that there are.
+    """
+    parts = () if drawing.parts is None else drawing.parts.names
+    each = [part_name(name) for name in ([which] if part_name(which) in parts else which.split(","))]
+    wanted = [name for name in each if name]
+    unknown = [name for name in wanted if name not in (*KINDS, *parts)]
+    if unknown or not wanted:
+        few = ", ".join(sorted(parts)[:20]) + ", ..." * (len(parts) > 20)
+        some = f"the parts {few}" if parts else "no named parts"
+        raise ValueError(
+            f"{', '.join(map(repr, unknown)) or 'nothing'}: no such kind of line or part; there are the kinds "
+            f"{', '.join(KINDS)} and {some}"
+        )
+    chosen = np.isin(drawing.strokes.kind, [KINDS.index(name) for name in wanted if name in KINDS])
+    for name in wanted:
+        if name not in KINDS:
+            chosen |= drawing.parts.index == parts.index(name)
+    return chosen
 
 
 def _parse_move(text: str) -> Edit:
@@ -288,16 +317,15 @@ def _stroke(sheet: Sheet, name: str) -> int:
 
 
 def _parse_drop(text: str) -> Edit:
-    match = re.fullmatch(r"\s*([a-z, ]*)\s*(?:([<>])\s*([0-9]*\.?[0-9]+)\s*(?:px)?)?\s*", text)
-    if not match or not (match[1].strip() or match[2]):
+    match = re.fullmatch(r"(.*?)(?:([<>])\s*([0-9]*\.?[0-9]+)\s*(?:px)?)?\s*", text, re.DOTALL)
+    which = match[1].strip() or None
+    if not (which or match[2]):
         raise ValueError(
-            f"--drop is a length such as '<20', kinds such as valley,ridge, or both: 'valley<20'; got {text!r}"
+            f"--drop is a length such as '<20', kinds or parts such as valley,ridge, or both: 'valley<20'; got {text!r}"
         )
-    kinds = _kinds(match[1]) if match[1].strip() else None
 
     def apply(sheet: Sheet, seed: int) -> Sheet:
-        strokes = sheet.drawing.strokes
-        gone = np.ones(len(strokes), bool) if kinds is None else np.isin(strokes.kind, list(kinds))
+        gone = np.ones(len(sheet.drawing.strokes), bool) if which is None else named(sheet.drawing, which)
         if match[2]:
             long = lengths(sheet.drawing)
             gone &= long < float(match[3]) if match[2] == "<" else long > float(match[3])
@@ -305,14 +333,6 @@ def _parse_drop(text: str) -> Edit:
         return Sheet(keep(sheet.drawing, ~gone), ids)
 
     return apply
-
-
-def _kinds(text: str) -> set[int]:
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    wrong = [name for name in names if name not in KINDS]
-    if wrong or not names:
-        raise ValueError(f"{', '.join(wrong) or 'nothing'}: no such kind of line; there are {', '.join(KINDS)}")
-    return {KINDS.index(name) for name in names}
 
 
 def _numbers(text: str, what: str, count: int) -> tuple[float, ...]:
@@ -469,7 +489,7 @@ def _reshape(drawing: Drawing, edit: Callable[[_Line], Reshaped | None], only: n
         ]
         ends = np.cumsum([0] + [len(strip) for strip in strips])
         texture = Texture(np.concatenate(strips), ends, texture.margin) if strips else texture
-    return Drawing(new, drawing.size, drawing.color, texture, drawing.art)
+    return replace(drawing, strokes=new, texture=texture)
 
 
 def _columns(drawing: Drawing, new: Strokes, changed) -> int:

@@ -286,18 +286,23 @@ def canvas_size(drawing: Drawing, scale: float) -> tuple[int, int]:
 
 
 def rasterise(
-    drawing: Drawing, scale: float = 1.0, background: tuple[float, float, float] | None = None, texture: bool = True
+    drawing: Drawing,
+    scale: float = 1.0,
+    background: tuple[float, float, float] | None = None,
+    texture: bool = True,
+    layers: str = "kind",
 ) -> np.ndarray:
     """The drawing as pixels: (H, W, 3) uint8 on a background (r, g, b) in [0, 1], else (H, W, 4) with straight alpha.
 
-    Strokes are laid over each other in `paint_order`. Without a texture, or with `texture` False, a stroke is its flat
-    ink with an analytic edge; with one it is the strip, looked up bilinearly, whose alpha makes the edge.
+    Strokes are laid over each other in `paint_order`, which has `layers` too. Without a texture, or with `texture`
+    False, a stroke is its flat ink with an analytic edge; with one it is the strip, looked up bilinearly, whose alpha
+    makes the edge.
     """
     if not scale > 0:
         raise ValueError(f"the scale of a raster must be above 0, got {scale}")
     width, height = canvas_size(drawing, scale)
     canvas = np.zeros((height * width, 4), np.float32)
-    order = paint_order(drawing.strokes)
+    order = paint_order(drawing, layers)
     painted = textured_pixels if texture and drawing.texture is not None else flat_pixels
     for crop, pixel, color in painted(drawing, order, scale):
         at = pixel + crop.x0 if crop.w == width else pixel // max(crop.w, 1) * (width - crop.w) + pixel + crop.x0

@@ -67,7 +67,7 @@ class PaperStyle:
         )
         image = outside_white(rgb.cpu().numpy().transpose(1, 2, 0), mask.cpu().numpy())
         texture, color = look_up(strokes, image)
-        return Drawing(strokes, size, color, texture)
+        return Drawing(strokes, size, color, texture, view.curve_parts)
 
     def state(self) -> dict:
         """The networks' weights as arrays, for the model file."""

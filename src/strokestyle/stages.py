@@ -49,8 +49,8 @@ def stages(view: View, drawing: Drawing, *, title: str = "", background: str | N
     page = {"title": title, "background": background}
     drawn = options | page | {"page_size": None, "plotter": False}
     texts = (
-        plain_svg(view.curves, size, description="The curves of the shape", **page),
-        plain_svg(displaced, size, description="The curves, displaced", **page),
+        plain_svg(view.curves, size, description="The curves of the shape", parts=view.curve_parts, **page),
+        plain_svg(displaced, size, description="The curves, displaced", parts=drawing.parts, **page),
         write_svg(drawing, **(drawn | {"texture": "none", "description": "Strokes with thickness"})),
         write_svg(drawing, **(drawn | {"description": "Strokes with thickness and texture"})),
     )

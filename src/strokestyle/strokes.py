@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .curves import KINDS, check_offsets
+from .parts import Parts
 
 MAX_MARGIN = 100.0  # px
 
@@ -111,6 +112,7 @@ class Drawing:
     size : (width, height), pixels
     color : (C, 4) float64 in [0, 1], straight RGBA: what a stroke looks like where no texture is wanted
     texture : Texture with one strip per stroke, or None
+    parts : the named part of the shape that each stroke belongs to, or None where it has but one
     art : how the strokes of a file were drawn in it, by what svg_read.digest makes of each: what is read and not
         changed is written as it was
     """
@@ -119,6 +121,7 @@ class Drawing:
     size: tuple[int, int]
     color: np.ndarray
     texture: Texture | None = None
+    parts: Parts | None = None
     art: dict = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self):
@@ -131,14 +134,21 @@ class Drawing:
             raise ValueError(
                 f"Drawing.texture has {len(self.texture.offsets) - 1} strips for {len(self.strokes)} strokes"
             )
+        if self.parts is not None and len(self.parts) != len(self.strokes):
+            raise ValueError(f"Drawing.parts must name the part of {len(self.strokes)} strokes, not {len(self.parts)}")
         object.__setattr__(self, "color", color)
         object.__setattr__(self, "size", (int(self.size[0]), int(self.size[1])))
 
 
-def paint_order(strokes: Strokes) -> np.ndarray:
-    """Indices (C,) from the first stroke painted to the last: kinds from the least to the most important, so that
-    contours lie on top; within a kind as given. The SVG's layers and `rasterise` both follow it."""
-    return np.argsort(-strokes.kind.astype(np.int64), kind="stable")
+def paint_order(drawing: Drawing, layers: str = "kind") -> np.ndarray:
+    """Indices (C,) from the first stroke painted to the last, as `rasterise` paints and the SVG's layers lie.
+
+    Kinds come from the least to the most important, so that contours lie on top; of one kind the parts, those without
+    a name beneath; of one part strokes as given. `layers` "part": parts first, then their kinds.
+    """
+    kind = -drawing.strokes.kind.astype(np.int64)
+    part = np.zeros(len(kind)) if drawing.parts is None else drawing.parts.index
+    return np.lexsort((kind, part) if layers == "part" else (part, kind))
 
 
 def distinct(xy: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

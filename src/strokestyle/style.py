@@ -16,6 +16,7 @@ from scipy import ndimage
 from . import __version__
 from .curves import KINDS, Curves, arc_length, blurred, owner, simplify, tangents
 from .model_file import read_model, write_model
+from .parts import Parts
 from .planning import Planned, plan_strokes
 from .strokes import Drawing, Strokes
 from .texture import TextureBank, synthesise
@@ -126,7 +127,7 @@ class Style:
     def draw(self, view: View, seed: int = 0) -> Drawing:
         """Draw a view. The same seed gives the same drawing; another one, another hand's luck."""
         size = (view.camera.width, view.camera.height)
-        strokes, features, scale = self.strokes(view, seed)
+        strokes, features, scale, parts = self.strokes(view, seed)
         rng_seed = int(np.random.SeedSequence([seed, 1]).generate_state(1)[0])
         color, texture = np.tile(self.color, (len(strokes), 1)), None
         if self.bank is not None and len(strokes):
@@ -135,16 +136,17 @@ class Style:
             strokes = replace(strokes, xy=strokes.xy * scale, thickness=strokes.thickness * scale)
             if texture is not None:
                 texture = replace(texture, margin=texture.margin * scale)
-        return Drawing(strokes, size, color, texture)
+        return Drawing(strokes, size, color, texture, parts)
 
-    def strokes(self, view: View, seed: int = 0) -> tuple[Strokes, np.ndarray, float]:
-        """Strokes in px of the style's own canvas, their normalised features (N, P), and the view's px per such px."""
+    def strokes(self, view: View, seed: int = 0) -> tuple[Strokes, np.ndarray, float, Parts | None]:
+        """Strokes in px of the style's own canvas, their normalised features (N, P), the view's px per such px, and the
+        part that each stroke belongs to."""
         scale = max(view.camera.width, view.camera.height) / self.config.size
         planned = plan(view, self.config, scale)
         surface = planned.carry(surface_at(view, self.config.spacing))
         features = self.normalise(point_features(planned, surface, self.config))
         if not len(planned):
-            return Strokes(np.zeros((0, 2)), [], [0], [], []), features, scale
+            return Strokes(np.zeros((0, 2)), [], [0], [], []), features, scale, None
         frame = Frame.of(planned, surface, self.config.spacing)
         xy, swell = place(frame, self.moves), self.network(features)
         if self.hand is not None:
@@ -153,7 +155,8 @@ class Style:
         thickness = np.maximum(np.exp(swell) - HAIR, 0.0)
         rows, offsets, kept = lifted(thickness, planned.offsets)
         strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool))
-        return strokes, features[rows], scale
+        parts = None if view.parts is None else view.parts.take(planned.source[rows, 0]).vote(offsets)
+        return strokes, features[rows], scale, parts
 
 
 # ------------------------------------------------------------------------------------------- from a view to numbers

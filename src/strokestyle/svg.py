@@ -17,14 +17,15 @@ from .curves import KINDS, Curves, arc_length, simplify_all
 from .files import write_bytes
 from .inks import inks
 from .outlines import outlines
+from .parts import Parts
 from .pictures import stroke_images
 from .strips import strips_png
 from .strokes import Drawing, Strokes, paint_order
 from .svg_lines import EFFECT, effect, plotter_svg, power_strokes
-from .svg_page import SvgOptions, document, layer
+from .svg_page import Mark, SvgOptions, document, layered
 from .svg_read import NAME, digest, read
 from .svg_syntax import first_line, landmarks
-from .svg_text import element, hex_color, number, numbers, polyline_path, rings_path, units
+from .svg_text import attribute, element, hex_color, number, numbers, polyline_path, rings_path, units
 from .tones import tone_paths, tones
 
 SAME_INK = 2.5 / 255  # colours nearer than this are one
@@ -32,7 +33,8 @@ NEAR_INK = 24 / 255  # and nearer than this not far off
 PATH_SLACK = 0.06  # px a centre line may be off where data-ss-path leaves points out
 WIDTH_SLACK = 0.004  # px a width may be off where data-ss-width leaves points out
 ID = re.compile(r"[A-Za-z_][\w.-]{0,99}", re.ASCII)
-RESERVED = {"paper", *(f"layer-{kind}" for kind in KINDS)}
+RESERVED = re.compile(f"paper|layer-({'|'.join(KINDS)})")
+RESERVED_WITH_PARTS = re.compile("paper|(layer|part)-.*")
 
 __all__ = ["plain_svg", "png_from_svg", "read", "save_svg", "settled", "write_svg", "write_text"]
 
@@ -58,23 +60,26 @@ def write_svg(
     if options.plotter:
         return plotter_svg(drawing, options)
     options = settled(drawing, options)
-    order = paint_order(drawing.strokes)
-    names = _names(order, ids)
+    order = paint_order(drawing, options.layers)
+    names = _names(order, ids, drawing.parts is not None)
     drawn = {i: drawing.art.get(digest(drawing, i, options)) for i in order.tolist()} if drawing.art else {}
     new = order[[drawn.get(i) is None for i in order.tolist()]]
     for i, stroke in zip(new.tolist(), _drawn(drawing, options, new), strict=True):
         drawn[i] = stroke
-    layers, effects = {}, ""
+    marks, effects = [], ""
     for i in order.tolist():
         tag, markup, *points = drawn[i]
-        kind = KINDS[drawing.strokes.kind[i]] if options.layers == "kind" else ""
-        stroke = f'\n<{tag} id="{names[i]}" class="stroke"{markup.replace(NAME, names[i])}'
-        layers.setdefault(kind, []).append(stroke)
+        part = "" if drawing.parts is None else drawing.parts.name(i)
+        begin = f'\n<{tag} id="{names[i]}" class="stroke"' + (attribute("data-ss-part", part) if part else "")
+        marks.append(Mark(begin + markup.replace(NAME, names[i]), KINDS[drawing.strokes.kind[i]], part))
         effects += "".join(effect(names[i], text) for text in points)
-    content = "".join(layer(kind, "".join(inside)) if kind else "".join(inside) for kind, inside in layers.items())
+    none = options.layers == "none"
+    content = "".join(mark.markup for mark in marks) if none else layered(marks, options.layers)
     if effects:
         content = element("defs", {}, effects) + content
-    return document(content, drawing.size, options, ours=True)
+    used = {mark.part for mark in marks}
+    parts = () if drawing.parts is None else tuple(name for name in drawing.parts.names if name in used)
+    return document(content, drawing.size, options, ours=True, parts=parts)
 
 
 def settled(drawing: Drawing, options: SvgOptions) -> SvgOptions:
@@ -87,11 +92,12 @@ def settled(drawing: Drawing, options: SvgOptions) -> SvgOptions:
     return replace(options, texture=texture)
 
 
-def _names(order: np.ndarray, ids: Sequence[str] | None) -> list[str]:
-    """An id for each stroke, (C,)."""
+def _names(order: np.ndarray, ids: Sequence[str] | None, parts: bool) -> list[str]:
+    """An id for each stroke, (C,); none that groups may have, of which `parts` makes more."""
     digits = max(3, len(str(max(len(order) - 1, 0))))
     given = ids if ids is not None else [""] * len(order)
-    usable = [bool(ID.fullmatch(name)) and name not in RESERVED for name in given]
+    reserved = RESERVED_WITH_PARTS if parts else RESERVED
+    usable = [bool(ID.fullmatch(name)) and not reserved.fullmatch(name) for name in given]
     taken = {name for name, use in zip(given, usable, strict=True) if use}
     fresh = (name for place in count() if (name := f"s{place:0{digits}d}") not in taken)
     names, used = [""] * len(order), set()
@@ -140,10 +146,13 @@ def plain_svg(
     description: str = "",
     background: str | None = None,
     hidden: Curves | None = None,
+    parts: Parts | None = None,
+    hidden_parts: Parts | None = None,
 ) -> str:
     """Plain curves as SVG text: black lines 1 px wide, one path a curve, one Inkscape layer per line kind.
 
-    Those that are `hidden` are thin and dashed, on layers of their own beneath: hidden-contour and so on.
+    Those that are `hidden` are thin and dashed, on layers of their own beneath: hidden-contour and so on. `parts` and
+    `hidden_parts`, of each curve, make a layer of each part in those.
     """
     options = SvgOptions(decimals=decimals, title=title, description=description, background=background)
     pen = {"fill": "none", "stroke": "#000000", "stroke-width": "1", "stroke-linecap": "round"}
@@ -151,21 +160,21 @@ def plain_svg(
     content = ""
     if hidden is not None and len(hidden):
         dashes = pen | {"stroke-width": "0.5", "stroke-linecap": "butt", "stroke-dasharray": "4 2.5"}
-        for kind, paths in _plain_paths(hidden, "h", decimals).items():
-            content += layer(f"hidden-{kind}", paths, dashes | {"data-ss-hidden": "1"})
-    for kind, paths in _plain_paths(curves, "k", decimals).items():
-        content += layer(kind, paths, pen)
+        marks = _plain_marks(hidden, hidden_parts, "h", decimals)
+        content += layered(marks, "kind", dashes | {"data-ss-hidden": "1"}, prefix="hidden-")
+    content += layered(_plain_marks(curves, parts, "k", decimals), "kind", pen)
     return document(content, size, options)
 
 
-def _plain_paths(curves: Curves, letter: str, decimals: int) -> dict[str, str]:
-    """Kind -> its curves as path elements, the most important kind last, so that it lies on top."""
-    layers, digits = {}, max(3, len(str(max(len(curves) - 1, 0))))
-    for place, i in enumerate(np.argsort(-curves.kind.astype(np.int64), kind="stable").tolist()):
+def _plain_marks(curves: Curves, parts: Parts | None, letter: str, decimals: int) -> list[Mark]:
+    """Curves as path elements, the most important kind last, so that it lies on top."""
+    marks, digits = [], max(3, len(str(max(len(curves) - 1, 0))))
+    index = np.zeros(len(curves)) if parts is None else parts.index
+    for place, i in enumerate(np.lexsort((index, -curves.kind.astype(np.int64))).tolist()):
         d = polyline_path(curves[i], decimals, bool(curves.closed[i]))
         path = element("path", {"id": f"{letter}{place:0{digits}d}", "d": d, "class": "curve"})
-        layers[KINDS[curves.kind[i]]] = layers.get(KINDS[curves.kind[i]], "") + path
-    return layers
+        marks.append(Mark(path, KINDS[curves.kind[i]], "" if parts is None else parts.name(i)))
+    return marks
 
 
 def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#ffffff") -> bytes:

@@ -7,7 +7,7 @@ import numpy as np
 from .cubics import fit_lines
 from .curves import KINDS, arc_length, simplify
 from .strokes import Drawing, paint_order
-from .svg_page import MM_PER_PX, SvgOptions, document, layer, paper
+from .svg_page import MM_PER_PX, Mark, SvgOptions, document, layered, paper
 from .svg_text import element, hex_color, number, numbers, units
 
 PEN = 0.3  # mm, how thick a plotter's lines are shown
@@ -17,24 +17,24 @@ EFFECT = "lpe-"  # and the stroke's id: the id of its path effect
 
 
 def plotter_svg(drawing: Drawing, options: SvgOptions) -> str:
-    """Centre lines only, in mm: no fill, image or clip. One layer a kind, numbered as plotter software wants them."""
+    """Centre lines only, in mm: no fill, image or clip. Layers are numbered as plotter software wants them."""
     width, height = drawing.size
     page = paper(options.page_size, drawing.size) or (width * MM_PER_PX, height * MM_PER_PX)
     scale = min(page[0] / width, page[1] / height)  # mm a pixel
     corner = 0.5 * (np.array(page) - scale * np.array([width, height]))
-    strokes, order = drawing.strokes, paint_order(drawing.strokes).tolist()
+    strokes, order = drawing.strokes, paint_order(drawing, options.layers).tolist()
     lines = fit_lines(strokes.xy, strokes.offsets, min(options.tolerance, LINE_SLACK))
-    layers, digits = {}, max(3, len(str(max(len(order) - 1, 0))))
+    marks, digits = [], max(3, len(str(max(len(order) - 1, 0))))
     for place, i in enumerate(order):
         d = line_path(lines[i][0] * scale + corner, max(options.decimals, 2), bool(strokes.closed[i]))
         pen = {"id": f"s{place:0{digits}d}", "stroke": hex_color(drawing.color[i, :3]), "d": d}
-        kind = KINDS[strokes.kind[i]] if options.layers == "kind" else ""
-        layers[kind] = layers.get(kind, "") + element("path", pen)
+        part = "" if drawing.parts is None else drawing.parts.name(i)
+        marks.append(Mark(element("path", pen), KINDS[strokes.kind[i]], part))
     style = {"fill": "none", "stroke-width": number(PEN, 2), "stroke-linecap": "round", "stroke-linejoin": "round"}
-    content = "".join(
-        layer(kind, inside, style, f"{n} {kind}") if kind else element("g", style, inside)
-        for n, (kind, inside) in enumerate(layers.items(), 1)
-    )
+    if options.layers == "none":
+        content = element("g", style, "".join(mark.markup for mark in marks)) if marks else ""
+    else:
+        content = layered(marks, options.layers, style, numbered=True)
     return document(content, drawing.size, options, mm=True)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from dataclasses import dataclass, fields
+from itertools import count, groupby
 from urllib.parse import quote, unquote
 
 from . import __version__
@@ -13,7 +15,7 @@ FORMAT = 2
 MM_PER_PX = 25.4 / 96.0  # CSS pixels
 TEXTURES = ("auto", "vector", "image", "none")
 MOST_TONES = 8
-LAYERS = ("kind", "none")
+LAYERS = ("kind", "part", "none")
 PAPERS = {  # mm, upright
     "A0": (841, 1189), "A1": (594, 841), "A2": (420, 594), "A3": (297, 420), "A4": (210, 297), "A5": (148, 210),
     "A6": (105, 148), "LETTER": (215.9, 279.4), "LEGAL": (215.9, 355.6), "TABLOID": (279.4, 431.8),
@@ -51,7 +53,8 @@ class SvgOptions:
     texture_res : pixels of those rasters per pixel of the drawing
     decimals : of every coordinate
     tolerance : pixels between an outline and the exact one
-    layers : "kind", one group (an Inkscape layer) per line kind; "none", the strokes lie in the root, in painting order
+    layers : "kind", one group (an Inkscape layer) per line kind, and in it one for each named part of the shape;
+        "part", one per part, and in it one for each kind; "none", the strokes lie in the root, in painting order
     title, description, author : words about the drawing
     license : the name of a Creative Commons licence (LICENSES), a URL, or other words
     background : "#rrggbb" or a CSS colour's name for a rectangle behind everything; None leaves the page clear
@@ -158,8 +161,23 @@ def paper(name: str | None, size: tuple[int, int]) -> tuple[float, float] | None
     return page
 
 
-def document(content: str, size: tuple[int, int], options: SvgOptions, ours: bool = False, mm: bool = False) -> str:
-    """The whole file: `content` is the markup of layers and strokes; `ours`, to be read back; `mm`, its user unit."""
+def document(
+    content: str,
+    size: tuple[int, int],
+    options: SvgOptions,
+    ours: bool = False,
+    mm: bool = False,
+    parts: tuple[str, ...] = (),
+) -> str:
+    """The whole file.
+
+    Parameters
+    ----------
+    content : the markup of layers and strokes
+    ours : the file is to be read back
+    mm : that is its user unit
+    parts : the names of the shape's parts, in painting order
+    """
     width, height = size
     page = paper(options.page_size, size)
     if page is None:
@@ -185,6 +203,8 @@ def document(content: str, size: tuple[int, int], options: SvgOptions, ours: boo
         )
     if ours:
         root |= {"data-ss-size": f"{width} {height}", "data-ss-page": box, "data-ss-options": options.to_text()}
+    if parts:
+        root["data-ss-parts"] = " ".join(quote(name, safe="") for name in parts)
     head = ""
     if options.title:
         head += element("title", {}, words(options.title))
@@ -199,10 +219,64 @@ def document(content: str, size: tuple[int, int], options: SvgOptions, ours: boo
     return '<?xml version="1.0" encoding="utf-8"?>' + element("svg", root, head + content + "\n") + "\n"
 
 
-def layer(kind: str, content: str, style: dict[str, str] | None = None, label: str | None = None) -> str:
-    """An Inkscape layer of a kind of line."""
-    given = {"id": f"layer-{kind}", "class": kind, "inkscape:groupmode": "layer", "inkscape:label": label or kind}
-    return element("g", given | (style or {}), content)
+@dataclass(frozen=True)
+class Mark:
+    """The markup of a stroke or a curve, its kind, and the part of the shape that it belongs to, "" for none."""
+
+    markup: str
+    kind: str
+    part: str = ""
+
+
+def layered(
+    marks: list[Mark], layers: str, style: dict[str, str] | None = None, prefix: str = "", numbered: bool = False
+) -> str:
+    """Marks, which lie in painting order, in Inkscape layers.
+
+    Parameters
+    ----------
+    layers : "kind" or "part", as in SvgOptions; where there are parts, what is of none lies in a layer of its kind
+    style : attributes of the outer layers
+    prefix : of the names of kinds
+    numbered : labels of the outer layers begin with 1, 2 ...
+    """
+    slugs, content = _slugs({mark.part for mark in marks}), ""
+
+    def outer(mark):
+        return (mark.part, "" if mark.part else mark.kind) if layers == "part" else ("", mark.kind)
+
+    for n, (place, members) in enumerate(groupby(marks, outer), 1):
+        inside = ""
+        for (part, kind), mine in groupby(members, lambda mark: (mark.part, mark.kind)):
+            markup = "".join(mark.markup for mark in mine)
+            name = f"layer-{prefix}{kind}-{slugs[part]}"
+            if (part, kind) == place:
+                inside += markup
+            elif layers == "part":
+                inside += _layer(name, kind, kind, {}, markup)
+            else:  # its label may hold the name of another kind
+                inside += _layer(name, "part", part, {"data-ss-class": kind}, markup)
+        part, kind = place
+        names = (f"part-{slugs[part]}", "part", part) if part else (f"layer-{prefix}{kind}", *(prefix + kind,) * 2)
+        content += _layer(*names[:2], f"{n} {names[2]}" if numbered else names[2], style or {}, inside)
+    return content
+
+
+def _layer(name: str, of: str, label: str, more: dict[str, str], content: str) -> str:
+    given = {"id": name, "class": of, "inkscape:groupmode": "layer", "inkscape:label": label}
+    return element("g", given | more, content)
+
+
+def _slugs(parts: set[str]) -> dict[str, str]:
+    """What ids are made of for the names of parts: each another."""
+    slugs, used = {}, set()
+    for part in sorted(parts):
+        letters = unicodedata.normalize("NFKD", part).encode("ascii", "ignore").decode()
+        short = re.sub(r"[^A-Za-z0-9_.]+", "-", letters)[:40].strip("-") or "unnamed"
+        tries = (short if n == 1 else f"{short}-{n}" for n in count(1))
+        slugs[part] = next(slug for slug in tries if slug not in used)
+        used.add(slugs[part])
+    return slugs
 
 
 def _metadata(options: SvgOptions) -> str:

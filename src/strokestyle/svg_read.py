@@ -9,6 +9,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 from PIL import ImageColor
@@ -16,6 +17,7 @@ from PIL import ImageColor
 from . import svg_syntax as limits
 from .curve_files import kind_named
 from .curves import KINDS, arc_length
+from .parts import Parts, part_name
 from .ribbons import ribbon, strip_points
 from .strips import MAX_TEXELS as STRIP_TEXELS
 from .strips import read_strip, wider
@@ -47,6 +49,8 @@ from .svg_syntax import (
 MAX_STROKES = 20_000
 MAX_TEXELS = 16_000_000  # of a drawing
 MAX_PATH = 1_000_000  # characters of a centre line, or of its widths
+MAX_PART = 10_000  # characters of a part's name that are looked at, before it is cut
+MAX_PARTS = 1_000_000  # characters of the list of parts
 MAX_PLACE = 1e6  # px from the canvas's origin, and the largest canvas
 CHORD = 0.05  # px between a curved centre line and its chords
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
@@ -58,7 +62,7 @@ CC = ("http://creativecommons.org/ns#", "http://web.resource.org/cc/")
 _VALUE = r'="[^"<&]*"'
 NAME = "*id*"  # stands for a stroke's id where its markup is kept
 _ART = re.compile(
-    rf'<(path|g) id="([\w.:-]*)" class="stroke"((?: [a-z:-]+{_VALUE})*)'
+    rf'<(path|g) id="([\w.:-]*)" class="stroke"(?: data-ss-part="[^"<]*")?((?: [a-z:-]+{_VALUE})*)'
     rf"(/>|>(?:\s*<path(?: (?:d|fill|fill-opacity){_VALUE})+/>"
     rf'|\s*<image(?: (?:x|y|width|height|preserveAspectRatio){_VALUE})* xlink:href="data:image/png;base64,[\w+/=]*"/>'
     rf")*\s*</\1>)"
@@ -192,6 +196,7 @@ class _Line:
     color: np.ndarray
     strip: np.ndarray | None
     margin: float
+    part: str
     art: tuple[str, ...] | None
 
 
@@ -320,10 +325,9 @@ class _Reader:
                 which = f' id="{quoted(found.name)}"' if found.name else ""
                 raise ValueError(f"line {found.line}, stroke{which}: {error}") from None
         options = self._options(any(line.strip is not None for line in lines))
-        drawing = _drawing(lines, size)
+        drawing = _drawing(lines, size, self._parts(lines))
         art = {digest(drawing, i, options): line.art for i, line in enumerate(lines) if line.art is not None}
-        drawing = Drawing(drawing.strokes, size, drawing.color, drawing.texture, art)
-        return SvgFile(drawing, tuple(names), options, self.hidden, self.others)
+        return SvgFile(replace(drawing, art=art), tuple(names), options, self.hidden, self.others)
 
     def _canvas(self) -> tuple[tuple[int, int], tuple[float, float]]:
         """Size of the canvas and where it begins in user units: as written, or what somebody made of the page since."""
@@ -343,6 +347,11 @@ class _Reader:
         if not (max(np.abs(box)) <= MAX_PLACE and min(box[2:]) > 0):
             raise ValueError(f"its canvas of {box[2]:g} x {box[3]:g} px is none to draw on")
         return (math.ceil(box[2] - 1e-6), math.ceil(box[3] - 1e-6)), (box[0], box[1])
+
+    def _parts(self, lines: list[_Line]) -> Parts | None:
+        """The parts that strokes name, in the order that the file has for them; those from other files lie on top."""
+        order = tuple(unquote(name) for name in self.root.get("data-ss-parts", "")[:MAX_PARTS].split())
+        return Parts.of_names([line.part for line in lines], order)
 
     def _options(self, textured: bool) -> SvgOptions:
         words = {name: text.strip() for name, text in self.words.items() if text.strip()}
@@ -379,7 +388,11 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, texels: int 
     art = None
     if found.alone and state.matrix == IDENTITY and state.opacity == 1.0 and moves == [IDENTITY]:
         art = _art(data, found)
-    line = _Line(xy, width, closed, KINDS.index("other") if kind is None else kind, color, strip, margin, art)
+    kind, part = (
+        KINDS.index("other") if kind is None else kind,
+        part_name(attributes.get("data-ss-part", "")[:MAX_PART]),
+    )
+    line = _Line(xy, width, closed, kind, color, strip, margin, part, art)
     home = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), state.matrix)
     return [_moved(line, compose(home, move)) for move in moves]
 
@@ -515,7 +528,7 @@ def _art(data: bytes, found: _Found) -> tuple[str, str] | None:
     return match[1], markup
 
 
-def _drawing(lines: list[_Line], size: tuple[int, int]) -> Drawing:
+def _drawing(lines: list[_Line], size: tuple[int, int], parts: Parts | None) -> Drawing:
     offsets = np.cumsum([0] + [len(line.xy) for line in lines])
     if offsets[-1] > limits.MAX_POINTS:
         raise ValueError(f"more than {limits.MAX_POINTS} points: simplify the drawing first")
@@ -529,7 +542,7 @@ def _drawing(lines: list[_Line], size: tuple[int, int]) -> Drawing:
     color = np.array([line.color for line in lines]).reshape(-1, 4)
     columns = max((line.strip.shape[1] for line in lines if line.strip is not None), default=0)
     if not columns:
-        return Drawing(strokes, size, color)
+        return Drawing(strokes, size, color, None, parts)
     if sum(len(line.strip) if line.strip is not None else 0 for line in lines) * columns > MAX_TEXELS:
         raise ValueError(f"more than {MAX_TEXELS} texels of texture: simplify the drawing first")
     margin = np.array([line.margin if line.strip is not None else 1.0 for line in lines])
@@ -538,7 +551,7 @@ def _drawing(lines: list[_Line], size: tuple[int, int]) -> Drawing:
         for i, line in enumerate(lines)
     ]
     texture = Texture(np.concatenate(strips), np.cumsum([0] + [len(strip) for strip in strips]), margin)
-    return Drawing(strokes, size, color, texture)
+    return Drawing(strokes, size, color, texture, parts)
 
 
 def _flat_strip(strokes: Strokes, i: int, color: np.ndarray, columns: int) -> np.ndarray:

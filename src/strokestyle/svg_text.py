@@ -12,7 +12,7 @@ def element(name: str, attributes: dict[str, str], content: str = "") -> str:
 
     `content` is markup, as this function or `words` gives it.
     """
-    given = "".join(f' {key}="{_attribute(value)}"' for key, value in attributes.items())
+    given = "".join(attribute(key, value) for key, value in attributes.items())
     return f"\n<{name}{given}>{content}</{name}>" if content else f"\n<{name}{given}/>"
 
 
@@ -21,7 +21,12 @@ def words(text: str) -> str:
     return escape(printable(text))
 
 
-def _attribute(value: str) -> str:
+def attribute(key: str, value: str) -> str:
+    """An attribute as it stands in a tag, with the space before it."""
+    return f' {key}="{_value(value)}"'
+
+
+def _value(value: str) -> str:
     if value.isascii() and value.isprintable():  # all but names: no need to look at every character
         return escape(value, {'"': "&quot;"}) if '"' in value or "&" in value or "<" in value else value
     return escape(printable(value), {'"': "&quot;", "\n": "&#10;", "\t": "&#9;"})

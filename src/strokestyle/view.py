@@ -10,12 +10,14 @@ from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
 
 from .camera import Camera
 from .chaining import beside_none, tidy
 from .curves import DEFAULT_SPACING, KINDS, Curves, counting, owner, resample_curves, take_ragged
 from .feature_curves import LineOptions, SurfaceCurves, ViewFields, feature_curves
 from .files import replace_file
+from .parts import Parts, part_name
 from .surface import Surface
 from .visibility import Scene
 
@@ -28,6 +30,8 @@ CLIP = 8.0  # of the 90th percentile
 FLAT = 0.1  # the least scale of a curvature: on a box, where more than 90 % is flat, the rest must not become infinite
 SHARP_KINDS = ("boundary", "crease", "intersection")  # lines that are edges of the mesh
 HARD_KINDS = ("contour", *SHARP_KINDS)  # lines that are drawn hidden too
+OTHER_KIND = 10.0  # px that a line of another kind seems farther away, when the line that a point came from is sought
+RIM = (1.5, 5.0)  # px round a point of a line from elsewhere, in which the shape is sought that it was drawn for
 
 # The paper's eight geometry channels (its authors split the radial curvature by sign), then the screen-space normal.
 PAPER_MAPS = (
@@ -92,12 +96,16 @@ class View:
     curves : Curves, visible, evenly spaced, within the canvas
     maps : FeatureMaps of the camera's size
     hidden : Curves behind the surface, where they were asked for
+    parts, hidden_parts : the named part of the shape that each point of the curves, and of the hidden ones, lies on;
+        None where the shape has but one
     """
 
     camera: Camera
     curves: Curves
     maps: FeatureMaps
     hidden: Curves = field(default_factory=Curves.empty)
+    parts: Parts | None = None
+    hidden_parts: Parts | None = None
 
     def __post_init__(self):
         if self.maps.covered.shape != (self.camera.height, self.camera.width):
@@ -105,6 +113,19 @@ class View:
                 f"View.maps are {self.maps.covered.shape[1]} x {self.maps.covered.shape[0]} px, "
                 f"its camera {self.camera.width} x {self.camera.height}"
             )
+        for parts, curves in ((self.parts, self.curves), (self.hidden_parts, self.hidden)):
+            if parts is not None and len(parts) != len(curves.xy):
+                raise ValueError(f"View.parts must name the part of {len(curves.xy)} points, not of {len(parts)}")
+
+    @property
+    def curve_parts(self) -> Parts | None:
+        """The part of each curve, that of most of its points."""
+        return None if self.parts is None else self.parts.vote(self.curves.offsets)
+
+    @property
+    def hidden_curve_parts(self) -> Parts | None:
+        """The part of each hidden curve."""
+        return None if self.hidden_parts is None else self.hidden_parts.vote(self.hidden.offsets)
 
     def at_curves(self, names, xy: np.ndarray | None = None) -> np.ndarray:
         """Maps read at the curves' points, or at pixels `xy` (N, 2): (N, len(names)) float32.
@@ -159,35 +180,49 @@ def extract(
     """
     options, size = options or LineOptions(), (camera.width, camera.height)
     scene = scene or Scene(surface)
-    fragments, strength = visible_fragments(surface, camera, feature_curves(surface, camera, options), scene)
+    lines = feature_curves(surface, camera, options)
+    sight = _sight(surface, camera, lines, scene)
+    fragments, strength, face = sight.fragments(lines, sight.seen)
     strokes = tidy(fragments, strength, size)
     curves = resample_curves(strokes, spacing)
-    behind = Curves.empty()
+    faces, behind, hidden_faces = _faces_at(surface, curves, fragments, face), Curves.empty(), None
     if hidden:
         kinds = tuple(kind for kind in options.kinds if kind in HARD_KINDS)
         every = feature_curves(surface, camera, replace(options, kinds=kinds, trim=False))
-        fragments = beside_none(hidden_fragments(surface, camera, every, scene), strokes, size)
+        sight = _sight(surface, camera, every, scene)
+        whole, _, face = sight.fragments(every, sight.hidden)
+        fragments = beside_none(whole, strokes, size)
         behind = resample_curves(tidy(fragments, np.ones(len(fragments.xy)), size), spacing)
-    return View(camera, curves, feature_maps(surface, camera, curves, scene), behind)
+        hidden_faces = _faces_at(surface, behind, whole, face)
+    view = View(camera, curves, feature_maps(surface, camera, curves, scene), behind)
+    return _with_parts(view, surface, faces, hidden_faces)
 
 
 def view_of(
     surface: Surface, camera: Camera, curves: Curves, spacing: float = DEFAULT_SPACING, scene: Scene | None = None
 ) -> View:
-    """A view with curves from elsewhere, clipped to the canvas and evenly spaced; the surface gives its maps."""
-    curves = resample_curves(clip(curves, camera.width, camera.height), spacing)
-    return View(camera, curves, feature_maps(surface, camera, curves, scene or Scene(surface)))
+    """A view with curves from elsewhere, clipped to the canvas and evenly spaced; the surface gives maps and parts."""
+    curves, scene = resample_curves(clip(curves, camera.width, camera.height), spacing), scene or Scene(surface)
+    view = View(camera, curves, feature_maps(surface, camera, curves, scene))
+    return _with_parts(view, surface, _faces_in_front(surface, camera, curves.xy, scene))
 
 
-def view_of_lines(curves: Curves, width: int, height: int, spacing: float = DEFAULT_SPACING) -> View:
-    """Lines without a shape: no surface is seen anywhere, and the maps are those of the background."""
-    curves = resample_curves(clip(curves, width, height), spacing)
+def view_of_lines(
+    curves: Curves, width: int, height: int, spacing: float = DEFAULT_SPACING, parts: Parts | None = None
+) -> View:
+    """Lines without a shape: no surface is seen anywhere, and the maps are those of the background.
+
+    `parts` : the named part that each of the curves (C,) belongs to
+    """
+    curves, source = _clip(curves, width, height)
+    curves = resample_curves(curves, spacing)
     names = (*PAPER_MAPS, *NORMAL_MAPS, "plain")
     values = np.ones((len(names), height, width), np.float32)
     values[len(PAPER_MAPS) : -1] = 0.0
     values[-1] = plain_raster(curves, width, height)
     camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 30.0, width, height)
-    return View(camera, curves, FeatureMaps(names, values, np.zeros((height, width), bool)))
+    of_points = None if parts is None else parts.take(source[owner(curves.offsets)])
+    return View(camera, curves, FeatureMaps(names, values, np.zeros((height, width), bool)), parts=of_points)
 
 
 def visible_fragments(
@@ -198,13 +233,13 @@ def visible_fragments(
     Lines are sampled every SAMPLE px. What is seen or hidden over less than FLICKER px takes after its surroundings.
     """
     sight = _sight(surface, camera, lines, scene)
-    return sight.fragments(lines, sight.seen)
+    return sight.fragments(lines, sight.seen)[:2]
 
 
 def hidden_fragments(surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Scene) -> Curves:
     """The parts of lines on a surface that are on the canvas but hidden: what `visible_fragments` leaves of them."""
     sight = _sight(surface, camera, lines, scene)
-    return sight.fragments(lines, sight.inside & ~sight.seen)[0]
+    return sight.fragments(lines, sight.hidden)[0]
 
 
 @dataclass(frozen=True)
@@ -215,20 +250,27 @@ class _Sight:
     ----------
     xy : (M, 2) pixels, on the canvas
     strength : (M,)
+    face : (M,) int, the face that each point lies on
     line : (M,) int, the line that each point is on
     inside, seen : (M,) bool, on the canvas; and not behind the surface
     """
 
     xy: np.ndarray
     strength: np.ndarray
+    face: np.ndarray
     line: np.ndarray
     inside: np.ndarray
     seen: np.ndarray
 
-    def fragments(self, lines: SurfaceCurves, wanted: np.ndarray) -> tuple[Curves, np.ndarray]:
-        """The stretches of `wanted` (M,) points as curves, and the strength of their points."""
+    @property
+    def hidden(self) -> np.ndarray:
+        """(M,) bool, on the canvas and behind the surface."""
+        return self.inside & ~self.seen
+
+    def fragments(self, lines: SurfaceCurves, wanted: np.ndarray) -> tuple[Curves, np.ndarray, np.ndarray]:
+        """The stretches of `wanted` (M,) points as curves, and the strength and the face of their points."""
         if not len(self.line):
-            return Curves.empty(), np.zeros(0)
+            return Curves.empty(), np.zeros(0), np.zeros(0, np.int64)
         new = np.flatnonzero(np.r_[True, (wanted[1:] != wanted[:-1]) | (self.line[1:] != self.line[:-1])])
         end = np.r_[new[1:], len(wanted)]
         good = wanted[new] & (end - new >= 2)
@@ -236,12 +278,13 @@ class _Sight:
         kept = self.line[new[good]]
         whole = (end - new)[good] == np.bincount(self.line, minlength=len(lines))[kept]
         curves = Curves(self.xy[rows], offsets, lines.kind[kept], lines.closed[kept] & whole)
-        return curves, self.strength[rows]
+        return curves, self.strength[rows], self.face[rows]
 
 
 def _sight(surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Scene) -> _Sight:
     if not len(lines):
-        return _Sight(np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64), np.zeros(0, bool), np.zeros(0, bool))
+        none, no = np.zeros(0, np.int64), np.zeros(0, bool)
+        return _Sight(np.zeros((0, 2)), np.zeros(0), none, none, no, no)
     points = lines.points(surface)
     start, t = _nodes(points, lines.offsets, camera)
     line = owner(lines.offsets)[start]
@@ -258,7 +301,7 @@ def _sight(surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Scene)
     step = np.r_[0.0, np.hypot(*np.diff(xy, axis=0).T)]
     for state in (False, True):  # first mend short gaps, then drop short sightings
         seen = _without_short_runs(seen, line, step, state)
-    return _Sight(xy, strength, line, inside, seen)
+    return _Sight(xy, strength, lines.face[start], line, inside, seen)
 
 
 def _nodes(points: np.ndarray, offsets: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -306,7 +349,12 @@ def _without_short_runs(seen: np.ndarray, line: np.ndarray, step: np.ndarray, st
 
 def clip(curves: Curves, width: int, height: int) -> Curves:
     """The parts of curves inside the canvas, cut at its edge; curves of no length are dropped."""
-    out, kind, closed = [], [], []
+    return _clip(curves, width, height)[0]
+
+
+def _clip(curves: Curves, width: int, height: int) -> tuple[Curves, np.ndarray]:
+    """What `clip` gives, and the curve that each piece is of (C,)."""
+    out, source, closed = [], [], []
     for i in range(len(curves)):
         points = curves[i]
         if points.min() >= 0 and points[:, 0].max() <= width and points[:, 1].max() <= height:
@@ -316,9 +364,10 @@ def clip(curves: Curves, width: int, height: int) -> Curves:
         for piece in pieces:
             if np.ptp(piece, axis=0).max() > 1e-6:
                 out.append(piece)
-                kind.append(curves.kind[i])
+                source.append(i)
                 closed.append(bool(curves.closed[i]) and piece is points)
-    return Curves.from_list(out, kind, closed) if out else Curves.empty()
+    source = np.array(source, np.int64)
+    return (Curves.from_list(out, curves.kind[source], closed) if out else Curves.empty()), source
 
 
 def _clip_line(points: np.ndarray, width: int, height: int) -> list[np.ndarray]:
@@ -339,6 +388,75 @@ def _clip_line(points: np.ndarray, width: int, height: int) -> list[np.ndarray]:
             pieces.append(current)
         current.append(end)
     return [np.array(piece) for piece in pieces]
+
+
+# ---------------------------------------------------------------------------------------------------------- parts
+
+
+def _with_parts(view: View, surface: Surface, faces: np.ndarray | None, hidden_faces: np.ndarray | None = None) -> View:
+    """The view with the parts of its curves' points, which lie on `faces` (N,), -1 where they lie on none.
+
+    Parts are put in order by the mean depth of their visible lines, so that of two that meet the nearer is painted
+    last.
+    """
+    if faces is None:
+        return view
+    name = [part_name(text) for text in surface.part_names]
+    names = [text for text in dict.fromkeys(name) if text]
+    number = {text: i for i, text in enumerate(names)} | {"": -1}
+    of_part = np.array([number[text] for text in name])
+    hidden_faces = np.zeros(0, np.int64) if hidden_faces is None else hidden_faces
+    index, hidden = (np.where(f < 0, -1, of_part[surface.part[f]]) for f in (faces, hidden_faces))
+    depth = view.at_curves(["depth"])[:, 0]
+    count, total = (np.bincount(index + 1, weight, len(names) + 1)[1:] for weight in (None, depth))
+    order = np.argsort(-np.where(count > 0, total / np.maximum(count, 1), np.inf), kind="stable")
+    place = np.r_[np.argsort(order), -1]  # of -1 it is -1
+    parts, behind = (Parts(tuple(names[i] for i in order), place[rows]) for rows in (index, hidden))
+    return replace(view, parts=parts, hidden_parts=behind if len(view.hidden) else None)
+
+
+def _has_parts(surface: Surface) -> bool:
+    return len(surface.part_names) > 1 and len({part_name(text) for text in surface.part_names}) > 1
+
+
+def _faces_at(surface: Surface, curves: Curves, fragments: Curves, face: np.ndarray) -> np.ndarray | None:
+    """The face (N,) that each point of curves lies on, which were made of fragments whose points lie on `face` (M,).
+
+    That is the face of the nearest point of a line of its kind. None where it tells nothing.
+    """
+    if not _has_parts(surface):
+        return None
+    if not len(fragments):
+        return np.full(len(curves.xy), -1)
+    tree, points = (
+        np.column_stack([lines.xy, OTHER_KIND * lines.kind[owner(lines.offsets)]]) for lines in (fragments, curves)
+    )
+    return face[cKDTree(tree).query(points)[1]]
+
+
+def _faces_in_front(surface: Surface, camera: Camera, xy: np.ndarray, scene: Scene) -> np.ndarray | None:
+    """The face (N,) nearest to the eye round each of some pixels (N, 2), -1 where there is none; None as above.
+
+    A line may lie on the rim of what is in front, and a little off it.
+    """
+    if not _has_parts(surface):
+        return None
+    found = np.full(len(xy), -1)
+    angle = np.arange(8) * (np.pi / 4)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    right, down, forward = camera.axes
+    for radius in RIM:
+        lost = np.flatnonzero(found < 0)
+        at = xy[lost, None] + radius * np.concatenate([[[0.0, 0.0]], ring])  # (n, 9, 2)
+        x, y = np.moveaxis(at - [0.5 * camera.width, 0.5 * camera.height], -1, 0)
+        rays = x[..., None] * right + y[..., None] * down + camera.focal * forward
+        hits = scene.first_hit(camera.eye, rays.astype(np.float32).reshape(-1, 3))
+        nearest = hits.distance.reshape(-1, 9).argmin(axis=1)[:, None]
+        found[lost] = np.take_along_axis(hits.face.reshape(len(lost), 9), nearest, 1)[:, 0]
+    return found
+
+
+# ----------------------------------------------------------------------------------------------------------- maps
 
 
 def feature_maps(surface: Surface, camera: Camera, curves: Curves, scene: Scene) -> FeatureMaps:
@@ -454,6 +572,10 @@ def save_view(path: str | Path, view: View) -> None:
     }  # fmt: skip
     if len(view.hidden):
         arrays |= {f"hidden_{name}": getattr(view.hidden, name) for name in CURVE_ARRAYS}
+    if view.parts is not None:
+        arrays |= {"part_names": np.array(view.parts.names, str), "part": view.parts.index}
+    if view.hidden_parts is not None:
+        arrays |= {"part_names": np.array(view.hidden_parts.names, str), "hidden_part": view.hidden_parts.index}
 
     def write(name):
         # np.savez_compressed takes four times as long, and writes the time of day
@@ -485,7 +607,12 @@ def load_view(path: str | Path) -> View:
             if "hidden_xy" in file.files:
                 hidden = Curves(*(file[f"hidden_{name}"] for name in CURVE_ARRAYS))
             maps = FeatureMaps(tuple(map(str, file["names"])), file["values"], covered, scale)
-            return View(camera, curves, maps, hidden)
+            parts = {
+                f"{name}s": Parts(tuple(map(str, file["part_names"])), file[name])
+                for name in ("part", "hidden_part")
+                if name in file.files
+            }
+            return View(camera, curves, maps, hidden, **parts)
     except (zipfile.BadZipFile, EOFError, KeyError, zlib.error, TypeError) as error:
         raise ValueError(f"{path}: not a view, or a damaged one ({error}); extract it again") from None
     except ValueError as error:
@@ -524,4 +651,7 @@ def view_to_json(view: View) -> dict:
             "kinds": [KINDS[k] for k in view.hidden.kind],
             "closed": view.hidden.closed.tolist(),
         }
+    for target, parts in ((content, view.curve_parts), (content.get("hidden"), view.hidden_curve_parts)):
+        if parts is not None:
+            target["parts"] = [parts.name(i) for i in range(len(parts))]
     return content

@@ -1,0 +1,83 @@
+"""The named parts of a shape, and which of them points of curves, and then strokes, belong to."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+
+MAX_NAME = 100  # characters
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Which named part each of n things belongs to.
+
+    Parameters
+    ----------
+    names : the parts, from the one painted first, the farthest, to the one painted last; each as `part_name` gives it,
+        none twice, none empty
+    index : (n,) int32, into names; -1: of no named part
+
+    Raises
+    ------
+    ValueError
+        on a name that is empty, repeated or not as `part_name` gives it, or an index that names no part.
+    """
+
+    names: tuple[str, ...]
+    index: np.ndarray
+
+    def __post_init__(self):
+        names, index = tuple(map(str, self.names)), np.asarray(self.index, np.int32)
+        if len(set(names)) != len(names) or any(not name or name != part_name(name) for name in names):
+            raise ValueError("Parts.names must be different, not empty and without control characters")
+        if index.ndim != 1 or (len(index) and not (-1 <= index.min() and index.max() < len(names))):
+            raise ValueError(f"Parts.index must have shape (n,) and lie in -1..{len(names) - 1}")
+        object.__setattr__(self, "names", names)
+        object.__setattr__(self, "index", index)
+
+    @classmethod
+    def of_names(cls, each: list[str], order: tuple[str, ...] = ()) -> Parts | None:
+        """Things by the name of their part, "" for none; None where all are of none. Names lie in the order of `order`,
+        those that are not in it behind them as they come. Names alike, or alike as `part_name` has them, are one part.
+        """
+        given = {name: part_name(name) for name in dict.fromkeys([*order, *each])}
+        used = {given[name] for name in each} - {""}
+        names = [name for name in dict.fromkeys(given.values()) if name in used]
+        number = {name: i for i, name in enumerate(names)} | {"": -1}
+        return cls(tuple(names), [number[given[name]] for name in each]) if names else None
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def name(self, i: int) -> str:
+        """The name of the part of thing i, "" for none."""
+        return self.names[self.index[i]] if self.index[i] >= 0 else ""
+
+    def take(self, rows) -> Parts:
+        """The things of an index or mask, in that order."""
+        return Parts(self.names, self.index[rows])
+
+    def vote(self, offsets: np.ndarray) -> Parts:
+        """Of pieces [offsets[i], offsets[i + 1]) of things, at least one long: the part that most things are of."""
+        piece = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+        pair, count = np.unique(piece * (len(self.names) + 1) + self.index + 1, return_counts=True)
+        piece, part = np.divmod(pair, len(self.names) + 1)
+        order = np.lexsort((part, -count, piece))
+        first = np.flatnonzero(np.r_[True, np.diff(piece) > 0]) if len(piece) else piece
+        return Parts(self.names, part[order[first]] - 1)
+
+
+def part_name(text: str) -> str:
+    """A part's name as drawings and files have it: one line that XML can hold, of at most MAX_NAME characters.
+
+    A longer one is cut and ends in a digest of the whole, so that names that differ go on to do so.
+    """
+    spaced = " ".join(text.split())
+    kept = (c for c in spaced if c >= " " and not "\ud800" <= c <= "\udfff" and c not in "\ufffe\uffff")
+    name = " ".join("".join(kept).split())
+    if len(name) <= MAX_NAME:
+        return name
+    return name[: MAX_NAME - 9].rstrip() + "~" + hashlib.blake2b(name.encode(), digest_size=4).hexdigest()
