@@ -65,12 +65,11 @@ def wiggle(
     _check("the wavelength of --wiggle", wavelength, 0.5, 1e5)
     if amplitude == 0.0:
         return drawing
-    seeds = np.random.SeedSequence([seed, 0x77]).spawn(len(drawing.strokes))
 
     def edit(line):
         line = _evenly(line, min(STEP, wavelength / 8))
         s = arc_length(line.xy, np.array([0, len(line.xy)]))
-        noise = _noise(s, wavelength, line.closed, np.random.default_rng(seeds[line.index]))
+        noise = _noise(s, wavelength, line.closed, seed, line.index)
         if not line.closed:  # nothing at the ends, in full from a third of the way between crests on
             rise = np.clip(np.minimum(s, s[-1] - s) / min(wavelength / 3, s[-1] / 2), 0, 1)
             noise *= rise * rise * (3 - 2 * rise)
@@ -408,13 +407,28 @@ def _smoothed(xy, s, sigma, closed):
     return np.stack([np.interp(s, at, column) for column in even.T], axis=1)
 
 
-def _noise(s, wavelength, closed, rng):
+def chances(seed: int, stroke: int, count: int) -> np.ndarray:
+    """Numbers in [0, 1), (count,), that depend on a seed and a stroke's number only, and that the page draws as well:
+    a counter through the finaliser of MurmurHash3."""
+
+    def mixed(h):
+        h = (h ^ (h >> np.uint32(16))) * np.uint32(0x85EBCA6B)
+        h = (h ^ (h >> np.uint32(13))) * np.uint32(0xC2B2AE35)
+        return h ^ (h >> np.uint32(16))
+
+    with np.errstate(over="ignore"):
+        start = mixed(mixed(np.array([seed & 0xFFFFFFFF], np.uint32)) ^ np.uint32(stroke))
+        return mixed(start + np.arange(1, count + 1, dtype=np.uint32) * np.uint32(0x9E3779B9)) / 2.0**32
+
+
+def _noise(s, wavelength, closed, seed, stroke):
     """Smooth noise in [-1, 1] at arc lengths s: random heights of alternating sign, half a wavelength apart."""
     count = max(2 if closed else 1, round(2 * s[-1] / wavelength))
     if closed:
         count += count % 2
-    height = rng.uniform(0.45, 1.0, count + 3) * np.where(np.arange(count + 3) % 2, -1, 1) * rng.choice([-1, 1])
-    shift = rng.uniform(0.25, 0.75)  # so that crests are not all as far from the ends
+    *heights, sign, shift = chances(seed, stroke, count + 5)
+    height = (0.45 + 0.55 * np.array(heights)) * np.where(np.arange(count + 3) % 2, 1, -1) * (-1 if sign < 0.5 else 1)
+    shift = 0.25 + 0.5 * shift  # so that crests are not all as far from the ends
     if closed:
         height[-3:] = height[:3]
         shift = 0.5
