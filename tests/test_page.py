@@ -251,8 +251,6 @@ def test_what_the_page_paints_is_the_drawing(opened):
     browser = opened(*drawings)
     for i, drawn in enumerate(drawings):
         browser.run(f"showSheet(sheets[{i}])")
-        arms = browser.run("marksShown(current, current.edit).map((mark) => prepared(mark).arms.length - 1)")
-        assert sorted(arms) == [1, 1, 3, 3]  # parts that do not cross themselves: crease and ridge are cut
         for scale in (1, 3):
             wanted = rasterise(read(write_svg(drawn)), scale, (1.0, 1.0, 1.0)).astype(float)
             error = np.abs(painted(browser, scale) - wanted)

@@ -15,7 +15,7 @@ from pathlib import Path
 from . import __version__
 
 FOLDER = Path(__file__).parent / "viewer"
-SCRIPTS = ("geometry.js", "paint.js", "outline.js", "png.js", "tones.js", "document.js", "app.js")
+SCRIPTS = ("geometry.js", "paint.js", "strips.js", "outline.js", "png.js", "tones.js", "document.js", "app.js")
 
 
 def page_html(drawings: list[tuple[str, str]]) -> str:

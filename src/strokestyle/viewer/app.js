@@ -9,6 +9,7 @@ const SETTLE = 200; // ms without a change until the picture is painted at its b
 const CROWD = 14; // px of the screen between handles that are shown
 const PART = 0.3; // of the paper: where less than this changes, only that is painted
 const BAND = 200; // rows of it painted at a time
+const ROUGH = 0.3; // of the density of a mark whose texture is not looked at
 const FRAME = 26; // ms a frame may take before it is painted coarser
 const byId = (id) => document.getElementById(id);
 const [ink, stage] = [byId("ink"), byId("stage")];
@@ -34,21 +35,21 @@ function effective(edit, stroke) {
     wiggle: edit.wiggle + own.wiggle,
     wavelength: edit.wavelength,
     moves: own.moves,
-    seed: stroke.number,
   };
 }
 
-function markNow(sheet, stroke, edit, quick = false) {
+/** The mark of a stroke under an edit, made anew where another edit was made since, or where it was made too coarse. */
+function markNow(sheet, stroke, edit, density = Infinity) {
   const wanted = effective(edit, stroke);
   const cached = sheet.marks[stroke.number];
   const same =
     cached &&
-    (quick || !cached.quick) &&
+    cached.density >= density &&
     ["thickness", "wiggle", "moves"].every((name) => cached.wanted[name] === wanted[name]) &&
     (!wanted.wiggle || cached.wanted.wavelength === wanted.wavelength);
   if (same) return cached.mark;
-  const mark = markOf(stroke, wanted, quick);
-  sheet.marks[stroke.number] = { wanted, mark, quick };
+  const mark = markOf(stroke, wanted, density);
+  sheet.marks[stroke.number] = { wanted, mark, density };
   return mark;
 }
 
@@ -56,9 +57,9 @@ function visible(edit, stroke) {
   return !strokeEdit(edit, stroke.number).removed && !edit.hidden.includes(stroke.kind);
 }
 
-function marksShown(sheet, edit, quick = false) {
+function marksShown(sheet, edit, density = Infinity) {
   const strokes = sheet.drawing.strokes.filter((stroke) => visible(edit, stroke));
-  return strokes.map((stroke) => markNow(sheet, stroke, edit, quick));
+  return strokes.map((stroke) => markNow(sheet, stroke, edit, density));
 }
 
 /** Go on with another edit; those of one gesture are one step of undo. */
@@ -158,15 +159,15 @@ function showCanvas(canvas, picture, marks) {
   };
 }
 
-function marksWanted(quick) {
-  return before ? marksBefore(current) : marksShown(current, current.edit, quick);
+function marksWanted(density) {
+  return before ? marksBefore(current) : marksShown(current, current.edit, density);
 }
 
 /** Paint the drawing now: only what changed if that is little, else all of it at `fine` pixels a pixel of the screen. */
 function paint(fine) {
-  const marks = marksWanted(true);
+  const canvas = canvasAt(fine);
+  const marks = marksWanted(canvas.view.scale);
   if (!paintPart(marks)) {
-    const canvas = canvasAt(fine);
     const { box, view } = canvas;
     if (box) {
       if (image?.width !== box.width || image?.height !== box.height) image = new ImageData(box.width, box.height);
@@ -208,7 +209,7 @@ async function paintWell() {
   const canvas = canvasAt(Math.max(1, 2 / devicePixelRatio));
   const { box, view } = canvas;
   if (!box) return;
-  const marks = marksWanted(false);
+  const marks = marksWanted();
   const picture = new ImageData(box.width, box.height);
   new Uint32Array(picture.data.buffer).fill(paperColor());
   for (let y = 0; y < box.height; y += BAND) {
@@ -222,7 +223,7 @@ async function paintWell() {
 }
 
 function marksBefore(sheet) {
-  sheet.original ??= sheet.drawing.strokes.map((stroke) => markOf(stroke, { ...PLAIN, wavelength: 40, seed: 0 }));
+  sheet.original ??= sheet.drawing.strokes.map((stroke) => markOf(stroke, PLAIN));
   return sheet.original;
 }
 
@@ -239,7 +240,7 @@ function placeHandles() {
   }
   const { zoom, x, y } = current.camera;
   const stroke = current.drawing.strokes[number];
-  const mark = markNow(current, stroke, current.edit);
+  const mark = markNow(current, stroke, current.edit, ROUGH);
   const { line } = mark;
   const points = Array.from(
     line.x,
@@ -287,11 +288,10 @@ function handlePlaces(stroke) {
   return (stroke.handles ??= handlesOf(stroke.line).map((i) => lineLengths(stroke)[i]));
 }
 
-/** Where the point at arc length `at` of a stroke's line as it was lies now: points of base and line correspond. */
-function pointAt({ base, line }, at) {
-  const where = Float64Array.of(at);
-  const along = arcLength(base.x, base.y);
-  const [[x], [y]] = interp(where, along, line.x, line.y);
+/** Where the point at arc length `at` of a stroke's line as it was lies now. */
+function pointAt({ stroke, line }, at) {
+  const [point] = interp(Float64Array.of(at), lineLengths(stroke), counting(stroke.line.x.length));
+  const [[x], [y]] = interp(point, line.was, line.x, line.y);
   return [x, y];
 }
 
@@ -328,7 +328,7 @@ function strokeUnder(px, py, slack = 6) {
   let least = slack;
   for (const stroke of current.drawing.strokes) {
     if (!visible(current.edit, stroke)) continue;
-    const mark = markNow(current, stroke, current.edit);
+    const mark = markNow(current, stroke, current.edit, ROUGH);
     const { line } = mark;
     const [x0, y0, x1, y1] = prepared(mark).extent;
     const far = slack / zoom;
@@ -341,14 +341,14 @@ function strokeUnder(px, py, slack = 6) {
       const distance = Math.max(zoom * off, 0) - (stroke.number === selected ? 0.5 : 0);
       if (distance <= least) {
         least = distance;
-        best = { number: stroke.number, i: i + t, base: mark.base };
+        best = { stroke, was: line.was[i] + t * (line.was[i + 1] - line.was[i]) };
       }
     }
   }
   if (!best) return null;
-  const along = arcLength(best.base.x, best.base.y);
-  const i = Math.min(Math.floor(best.i), along.length - 2);
-  return { number: best.number, at: along[i] + (best.i - i) * (along[i + 1] - along[i]) };
+  const lengths = lineLengths(best.stroke);
+  const [[at]] = interp(Float64Array.of(best.was), counting(lengths.length), lengths);
+  return { number: best.stroke.number, at };
 }
 
 // --------------------------------------------------------------------------------------------------------- the hand

@@ -2,6 +2,7 @@
 
 const PATH_SLACK = 0.04; // px a centre line may be off where its attribute leaves points out
 const WIDTH_SLACK = 0.004; // px likewise for widths
+const COARSE = 0.1; // px of a canvas that a ribbon may lie off while things move
 const ALPHAS = 16; // of an image of one ink
 const COLORS = 64; // of another
 const XLINK = "http://www.w3.org/1999/xlink";
@@ -32,6 +33,7 @@ async function readStroke(element, number) {
     ? readStrip(await readPng(bytesOf(element.getAttribute("data-ss-texture"))))
     : null;
   const line = widened(x, y, element.getAttribute("data-ss-width"), closed);
+  line.was = counting(line.x.length);
   const margin = Number(element.getAttribute("data-ss-margin") ?? 0);
   return { element, number, id: element.id, kind: element.getAttribute("data-ss-class"), line, color, strip, margin };
 }
@@ -82,29 +84,29 @@ function readStrip({ width: rows, height: columns, index, levels, palette }) {
 
 // ------------------------------------------------------------------------------------------------------------ marks
 
-/** A stroke under an edit, as a mark to be painted; `quick` while things move. */
-function markOf(stroke, edit, quick = false) {
-  const spacing = edit.moves.length ? DENSE : edit.wiggle ? SPACING : Infinity;
-  const changed = spacing < Infinity || edit.thickness !== 1;
-  const { line: base, frame } = baseOf(stroke, spacing);
-  const line = edited(base, edit);
-  const mark = { stroke, base, line, color: stroke.color, strip: stroke.strip, changed };
+/** A stroke under an edit, as a mark; as coarse as a canvas of `density` pixels a pixel of the drawing lets it be. */
+function markOf(stroke, edit, density = Infinity) {
+  const changed = edit.thickness !== 1 || edit.wiggle > 0 || edit.moves.length > 0;
+  const line = changed ? edited(stroke, edit) : stroke.line;
+  const mark = { stroke, line, color: stroke.color, strip: stroke.strip, changed };
   if (mark.strip) {
-    mark.margin = stroke.margin * edit.thickness;
-    mark.band = ribbonOf(line, mark.margin, changed ? frame() : null, edit.thickness, quick);
+    if (changed) mark.strip = carried(stroke, line, Math.min(density, 1));
+    mark.band = ribbonOf(line, stroke.margin, Math.max(COARSE / density, THIN));
   }
   return mark;
 }
 
-/** A stroke's line as it was, with points no further apart than `spacing`, and how its texture lies on it: kept. */
-function baseOf(stroke, spacing) {
-  stroke.bases ??= new Map();
-  if (!stroke.bases.has(spacing)) {
-    const line = spacing < Infinity ? densified(stroke.line, spacing) : stroke.line;
-    let frame = null;
-    stroke.bases.set(spacing, { line, frame: () => (frame ??= textureFrame(line, stroke.margin)) });
+/** A stroke's line with an edit made: points moved one after another, wiggle, thickness. */
+function edited(stroke, { thickness, wiggle, wavelength, moves }) {
+  let line = moves.reduce(moved, stroke.line);
+  if (wiggle > 0 && line.x.some((x, i) => x !== line.x[0] || line.y[i] !== line.y[0])) {
+    const { waves } = stroke;
+    if (waves?.moves !== moves || waves.wavelength !== wavelength) {
+      stroke.waves = { moves, wavelength, ...wavesOf(line, wavelength, stroke.number) };
+    }
+    line = wiggled(stroke.waves, wiggle);
   }
-  return stroke.bases.get(spacing);
+  return thickness === 1 ? line : { ...line, width: line.width.map((w) => w * thickness) };
 }
 
 // ---------------------------------------------------------------------------------------------------------- writing
@@ -191,41 +193,10 @@ async function writeStroke(element, mark, options) {
     element.setAttribute("d", ringsText(outlineOf(line, tolerance), decimals));
     return;
   }
-  const strip = relaid(mark);
-  const png = strip.alpha ? await greyPng(strip) : await colorPng(strip);
+  const png = mark.strip.alpha ? await greyPng(mark.strip) : await colorPng(mark.strip);
   element.setAttribute("data-ss-texture", base64Of(png));
-  element.setAttribute("data-ss-margin", numberText(mark.margin, 3));
-  const final = { ...mark, strip, band: ribbonOf(line, mark.margin), ready: null };
-  if (options.get("texture") === "vector") writeTones(element, final, options);
-  else await writeImage(element, final, options);
-}
-
-/** The texture of a changed stroke as a reader will lay it: afresh along the new line. */
-function relaid(mark) {
-  const { band, strip, line } = mark;
-  const fresh = ribbonOf(line, mark.margin);
-  const rows = Math.max(2, Math.round((strip.rows * fresh.length) / frameLength(mark)));
-  const at = Float64Array.from({ length: rows }, (_, r) => ((r + 0.5) / rows) * band.length);
-  const [u, ratio] = interp(at, band.along, band.u, band.ratio);
-  const alpha = strip.alpha ? new Uint8ClampedArray(rows * strip.columns) : null;
-  const data = strip.alpha ? null : new Uint8ClampedArray(4 * rows * strip.columns);
-  for (let r = 0; r < rows; r++) {
-    for (let c = 0; c < strip.columns; c++) {
-      const v = ((2 * c + 1) / strip.columns - 1) * ratio[r];
-      const a = 255 * sample(strip, u[r], v, band.closed);
-      const k = r * strip.columns + c;
-      if (alpha) alpha[k] = a;
-      else {
-        data.set(a > 0 ? [255 * texel.r, 255 * texel.g, 255 * texel.b, a] : [0, 0, 0, 0], 4 * k);
-      }
-    }
-  }
-  return { ...strip, rows, alpha, data };
-}
-
-/** Pixels of the ribbon that the texture was made for, in the width that it has now. */
-function frameLength({ stroke }) {
-  return (stroke.ribbonLength ??= ribbonOf(stroke.line, stroke.margin).length);
+  if (options.get("texture") === "vector") writeTones(element, mark, options);
+  else await writeImage(element, mark, options);
 }
 
 function greyPng({ rows, columns, alpha }) {
@@ -257,12 +228,12 @@ async function writeImage(element, mark, options) {
     const ink = mark.color.slice(0, 3).map((c) => Math.round(255 * c));
     const palette = Array.from({ length: ALPHAS }, (_, k) => [...ink, Math.round((255 * k) / (ALPHAS - 1))]);
     const index = new Uint8Array(made.w * made.h);
-    for (let k = 0; k < made.count; k++) index[made.pixels[k]] = Math.round(made.a[made.pixels[k]] * (ALPHAS - 1));
+    for (let k = 0; k < made.count; k++) index[made.place[k]] = Math.round(made.a[k] * (ALPHAS - 1));
     png = await writePng(made.w, made.h, index, palette);
   } else {
     const planes = ["r", "g", "b", "a"].map((name) => {
       const plane = new Float32Array(made.w * made.h);
-      for (let k = 0; k < made.count; k++) plane[made.pixels[k]] = made[name][made.pixels[k]];
+      for (let k = 0; k < made.count; k++) plane[made.place[k]] = made[name][k];
       return plane;
     });
     const { palette, index } = quantised(planes, COLORS);

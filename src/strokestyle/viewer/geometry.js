@@ -4,9 +4,7 @@
 const STIFFNESS = 0.35; // of a ribbon's half width: sigma of its centre line's smoothing
 const NARROWING = 0.25; // px a px: the most by which a ribbon's half width falls along it
 const THIN = 0.01; // px that a point left out of a ribbon may lie off
-const QUICK = 0.15; // px likewise, while things move
-const SPACING = 3; // px between the points of a line that is edited
-const DENSE = 1; // px between those of a line that is bent by hand
+const STEP = 3; // px between the points of a line that is drawn anew
 
 /** Arc length from the first point to each. */
 function arcLength(x, y) {
@@ -34,16 +32,37 @@ function interp(at, along, ...columns) {
   return out;
 }
 
-/** A line with points added so that no two neighbours lie further apart than `spacing`. */
-function densified(line, spacing) {
+/**
+ * A line with points added so that no two neighbours lie further apart than `spacing`; its own points stay.
+ * `was` of a line says which point of the stroke's own line each point was: 2.5 lies half-way between points 2 and 3.
+ */
+function evenly(line, spacing) {
   const s = arcLength(line.x, line.y);
   const at = [0];
   for (let i = 1; i < s.length; i++) {
-    const pieces = Math.max(1, Math.ceil((s[i] - s[i - 1]) / spacing));
-    for (let j = 1; j <= pieces; j++) at.push(s[i - 1] + ((s[i] - s[i - 1]) * j) / pieces);
+    const pieces = Math.max(1, Math.ceil((s[i] - s[i - 1]) / spacing - 1e-9));
+    for (let j = 1; j <= pieces; j++) at.push(i - 1 + j / pieces);
   }
-  const [x, y, width] = interp(at, s, line.x, line.y, line.width);
-  return { x, y, width, closed: line.closed };
+  if (at.length === s.length) return line;
+  const [x, y, width, was] = interp(Float64Array.from(at), counting(s.length), line.x, line.y, line.width, line.was);
+  return { x, y, width, was, closed: line.closed };
+}
+
+/** 0, 1, 2 ... */
+function counting(n) {
+  const out = new Float64Array(n);
+  for (let i = 0; i < n; i++) out[i] = i;
+  return out;
+}
+
+/** Values of a line's points, read at points of it such as 2.5, half-way between 2 and 3. */
+function atIndex(values, points) {
+  const out = new Float64Array(points.length);
+  for (let i = 0; i < out.length; i++) {
+    const k = Math.min(Math.floor(points[i]), values.length - 2);
+    out[i] = values[k] + (points[i] - k) * (values[k + 1] - values[k]);
+  }
+  return out;
 }
 
 /** Indices of the points that a polyline in several dimensions cannot leave out (Douglas and Peucker). */
@@ -133,18 +152,18 @@ function halfWidths(line, margin) {
   return half;
 }
 
-/** Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half width, with fields. */
-function stiffened(x, y, fields, closed) {
+/** Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half width. */
+function stiffened(x, y, half, closed) {
   const along = arcLength(x, y);
   const total = along[along.length - 1];
-  const sorted = fields[0].slice().sort();
+  const sorted = half.slice().sort();
   const middle = sorted.length >> 1;
   const median = sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
   const count = Math.max(3, Math.ceil(total / Math.max(1, Math.min(STIFFNESS * median, 3))));
   const sigma = (STIFFNESS * median * count) / total;
   const at = new Float64Array(count + 1);
   for (let i = 0; i <= count; i++) at[i] = (total * i) / count;
-  const all = interp(at, along, x, y, ...fields);
+  const all = interp(at, along, x, y, half);
   for (const k of [0, 1]) all[k] = smoothed(all[k], sigma, closed);
   const keep = [0];
   for (let i = 1; i <= count; i++) {
@@ -180,30 +199,14 @@ function smoothed(values, sigma, closed) {
   return out;
 }
 
-/** What every point of a line has to do with the texture made for it: its u, and the pixels from it to v = 1. */
-function textureFrame(line, margin) {
-  const s = arcLength(line.x, line.y);
-  const total = Math.max(s[s.length - 1], 1e-9);
-  const band = ribbonOf(line, margin);
-  const [first, last] = band.closed ? [0, 0] : [band.half[0], band.half[band.half.length - 1]];
-  const inner = band.length - first - last;
-  return { u: s.map((at) => (first + (at / total) * inner) / band.length), half: halfWidths(line, margin) };
-}
-
 /**
- * The ribbon of a line: {x, y, half, u, ratio, along, length, closed}, run on past both ends by its half width there.
- *
- * Without `frame` the texture is laid along it afresh. With the `textureFrame` of the line that it was made for, point by
- * point, each point keeps its u, and v times `ratio` is v of the texture, all `factor` times as wide. `quick` leaves the
- * smoothing out, as long as things move.
+ * The ribbon of a line: {x, y, half, along, length, closed}, run on past both ends by its half width there. Points that
+ * lie within `slack` px between their neighbours are left out.
  */
-function ribbonOf(line, margin, frame = null, factor = 1, quick = false) {
-  const raw = halfWidths(line, margin);
-  const scale = new Float64Array(raw.length).fill(1);
-  if (frame) for (let i = 0; i < scale.length; i++) scale[i] = raw[i] / Math.max(factor * frame.half[i], 1e-9);
-  let [x, y, half, ratio, u] = distinct(line.x, line.y, raw, scale, frame ? frame.u : raw);
+function ribbonOf(line, margin, slack = THIN) {
+  let [x, y, half] = distinct(line.x, line.y, halfWidths(line, margin));
   const closed = line.closed && x.length > 3;
-  if (x.length > 2 && !quick) [x, y, half, ratio, u] = stiffened(x, y, [half, ratio, u], closed);
+  if (x.length > 2) [x, y, half] = stiffened(x, y, half, closed);
   if (!closed) {
     const n = x.length;
     const end = (i, j) => {
@@ -215,14 +218,9 @@ function ribbonOf(line, margin, frame = null, factor = 1, quick = false) {
     x = framed(first[0], x, last[0]);
     y = framed(first[1], y, last[1]);
     half = framed(half[0], half, half[n - 1]);
-    ratio = framed(ratio[0], ratio, ratio[n - 1]);
-    u = framed(0, u, 1);
   }
   const along = arcLength(x, y);
-  const length = along[along.length - 1];
-  if (!frame) u = along.map((at) => at / length);
-  const band = { x, y, half, u, ratio, along, length, closed };
-  return thinned(band, quick ? QUICK : THIN);
+  return thinned({ x, y, half, along, length: along[along.length - 1], closed }, slack);
 }
 
 /** A ribbon without points that lie within `slack` px between their neighbours anyway: rounds of every other point. */
@@ -242,92 +240,103 @@ function thinned(band, slack) {
   const index = [];
   for (let i = 0; i < keep.length; i++) if (keep[i]) index.push(i);
   const out = { length: band.length, closed: band.closed };
-  for (const name of ["x", "y", "half", "u", "ratio", "along"]) out[name] = taken(band[name], index);
+  for (const name of ["x", "y", "half", "along"]) out[name] = taken(band[name], index);
   return out;
 }
 
 // ------------------------------------------------------------------------------------------------------------- edits
+// as edits.py makes them, in this order: points moved one after another, wiggle, thickness
 
-/** Unit normals (-t_y, t_x) of a line, of its course over a few pixels. */
-function normals(x, y, closed) {
-  const n = x.length;
-  const nx = new Float64Array(n);
-  const ny = new Float64Array(n);
-  for (let i = 0; i < n; i++) {
-    let [a, b] = [i - 2, i + 2];
-    if (closed) [a, b] = [a < 0 ? a + n - 1 : a, b > n - 1 ? b - n + 1 : b];
-    [a, b] = [Math.max(a, 0), Math.min(b, n - 1)];
-    const [dx, dy] = [x[b] - x[a], y[b] - y[a]];
-    const size = Math.sqrt(dx * dx + dy * dy) || 1;
-    [nx[i], ny[i]] = [-dy / size, dx / size];
-  }
-  return [nx, ny];
+/** Columns smoothed by a Gaussian of `sigma` px along a line; open lines keep their ends. */
+function smoothedAlong(x, y, s, sigma, closed) {
+  const total = s[s.length - 1];
+  const count = Math.min(Math.max(Math.ceil(total / Math.max(sigma / 4, 1e-3)), 8), 20000);
+  const at = Float64Array.from({ length: count + 1 }, (_, i) => (total * i) / count);
+  const even = interp(at, s, x, y).map((values) => smoothed(values, (sigma * count) / total, closed));
+  return interp(s, at, ...even);
 }
 
-/** A number in [-1, 1] that depends on a seed and an index only. */
-function chance(seed, index) {
-  let h = Math.imul(seed + 1, 0x9e3779b1) ^ Math.imul(index + 1, 0x85ebca6b);
-  h = Math.imul(h ^ (h >>> 15), 0x2c1b3c6d);
-  h = Math.imul(h ^ (h >>> 12), 0x297a2d39);
-  return ((h ^ (h >>> 15)) >>> 0) / 0x7fffffff - 1;
+/** Numbers in [0, 1) that depend on a seed, the stroke's number and their own, as `chances` of edits.py draws them. */
+function chances(seed, stroke, count) {
+  const mixed = (h) => {
+    h = Math.imul(h ^ (h >>> 16), 0x85ebca6b);
+    h = Math.imul(h ^ (h >>> 13), 0xc2b2ae35);
+    return (h ^ (h >>> 16)) >>> 0;
+  };
+  const start = mixed(mixed(seed) ^ stroke);
+  return Float64Array.from({ length: count }, (_, k) => mixed(start + Math.imul(k + 1, 0x9e3779b9)) / 2 ** 32);
 }
 
-/** Smooth noise in about [-1, 1] along a line of length `total`, a swing and its return every `wavelength` px. */
-function noise(s, total, wavelength, seed, closed) {
-  const cells = closed ? Math.max(2, Math.round((2 * total) / wavelength)) : 0;
-  const step = closed ? total / cells : wavelength / 2;
-  const knots = new Float64Array(Math.floor(total / step) + 4); // from the one before the line to the two after it
-  for (let k = 0; k < knots.length; k++) knots[k] = chance(seed, closed ? (k + cells - 1) % cells : k);
-  const out = new Float64Array(s.length);
-  for (let i = 0; i < out.length; i++) {
-    const k = Math.floor(s[i] / step);
-    const t = s[i] / step - k;
-    const [a, b, c, d] = [knots[k], knots[k + 1], knots[k + 2], knots[k + 3]];
-    out[i] = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a))); // Catmull and Rom
-  }
-  return out;
+/** Smooth noise in [-1, 1] at arc lengths s: random heights of alternating sign, half a wavelength apart. */
+function noise(s, wavelength, closed, stroke) {
+  const total = s[s.length - 1];
+  let count = Math.max(closed ? 2 : 1, Math.round((2 * total) / wavelength));
+  if (closed) count += count % 2;
+  const drawn = chances(0, stroke, count + 5);
+  const sign = drawn[count + 3] < 0.5 ? -1 : 1;
+  const height = Float64Array.from({ length: count + 3 }, (_, k) => (0.45 + 0.55 * drawn[k]) * (k % 2 ? sign : -sign));
+  const shift = closed ? 0.5 : 0.25 + 0.5 * drawn[count + 4];
+  if (closed) for (let k = 0; k < 3; k++) height[count + k] = height[k];
+  return s.map((at) => {
+    const place = (at / Math.max(total, 1e-9)) * count + shift;
+    const k = Math.min(Math.floor(place), count + 1);
+    const f = place - k;
+    return height[k] + (height[k + 1] - height[k]) * f * f * (3 - 2 * f);
+  });
 }
 
-/** How much a point at arc length s follows one at `at`, 1 .. 0 at `reach` px: a smooth bump. */
-function pull(s, at, reach, total, closed) {
-  let d = Math.abs(s - at);
-  if (closed) d = Math.min(d, total - d);
-  return d < reach ? (1 - (d / reach) ** 2) ** 2 : 0;
+/** 0 .. 1, level at both. */
+function smoothStep(f) {
+  const t = Math.min(Math.max(f, 0), 1);
+  return t * t * (3 - 2 * t);
 }
 
-/**
- * A line moved by hand, then made to wiggle, then scaled in width; points correspond, so that u of the texture does.
- *
- * moves: [{at, reach, dx, dy}], at and reach in px of arc length of the line as it was; wiggle: amplitude in px.
- */
-function edited(line, { thickness = 1, wiggle = 0, wavelength = 40, seed = 0, moves = [] }) {
-  if (thickness === 1 && !wiggle && !moves.length) return line;
-  const width = line.width.map((w) => w * thickness);
-  if (!wiggle && !moves.length) return { ...line, width };
-  const x = Float64Array.from(line.x);
-  const y = Float64Array.from(line.y);
+/** A line with the point at arc length `at`, and its neighbours up to `reach` px away the less, moved by (dx, dy). */
+function moved(line, { at, reach, dx, dy }) {
+  line = evenly(line, STEP);
   const s = arcLength(line.x, line.y);
   const total = s[s.length - 1];
-  for (const { at, reach, dx, dy } of moves) {
-    for (let i = 0; i < s.length; i++) {
-      const w = pull(s[i], at, reach, total, line.closed);
-      x[i] += w * dx;
-      y[i] += w * dy;
-    }
+  const far = Math.max(line.closed ? Math.min(reach, total / 2) : reach, 1e-9);
+  const near = s.map((here) => {
+    const away = Math.abs(here - at);
+    return smoothStep(1 - (line.closed ? Math.min(away, total - away) : away) / far);
+  });
+  return { ...line, ...shut(line.x.map((x, i) => x + near[i] * dx), line.y.map((y, i) => y + near[i] * dy), line.closed) };
+}
+
+function shut(x, y, closed) {
+  if (closed) [x[x.length - 1], y[y.length - 1]] = [x[0], y[0]];
+  return { x, y };
+}
+
+/** The way in which a line wiggles: {line: with points enough, dx, dy: for an amplitude of 1 px}. */
+function wavesOf(line, wavelength, stroke) {
+  line = evenly(line, Math.min(STEP, wavelength / 8));
+  const { closed } = line;
+  const s = arcLength(line.x, line.y);
+  const [n, total] = [s.length, s[s.length - 1]];
+  const [x, y] = smoothedAlong(line.x, line.y, s, wavelength / 8, closed);
+  const swing = noise(s, wavelength, closed, stroke);
+  const [dx, dy] = [new Float64Array(n), new Float64Array(n)];
+  for (let i = 0; i < n; i++) {
+    const a = i > 0 ? i - 1 : closed ? n - 2 : 0;
+    const b = i < n - 1 ? i + 1 : closed ? 1 : n - 1;
+    const [tx, ty] = [x[b] - x[a], y[b] - y[a]];
+    const size = Math.sqrt(tx * tx + ty * ty);
+    // nothing at the ends, in full from a third of the way between crests on
+    const rise = closed ? 1 : smoothStep(Math.min(s[i], total - s[i]) / Math.min(wavelength / 3, total / 2));
+    dx[i] = size > 1e-12 ? (-ty / size) * rise * swing[i] : 0;
+    dy[i] = size > 1e-12 ? (tx / size) * rise * swing[i] : rise * swing[i];
   }
-  if (wiggle && total > 0) {
-    const [nx, ny] = normals(x, y, line.closed);
-    const waves = noise(s, total, wavelength, seed, line.closed);
-    const fade = Math.min(wavelength / 2, total / 2);
-    for (let i = 0; i < s.length; i++) {
-      const near = line.closed ? 1 : Math.min(Math.min(s[i], total - s[i]) / fade, 1); // ends stay where they are
-      const a = wiggle * waves[i] * near * near * (3 - 2 * near);
-      x[i] += a * nx[i];
-      y[i] += a * ny[i];
-    }
-    if (line.closed) [x[x.length - 1], y[y.length - 1]] = [x[0], y[0]];
-  }
-  return { x, y, width, closed: line.closed };
+  return { line, dx, dy };
+}
+
+/** A line that wiggles by `amplitude` px. */
+function wiggled({ line, dx, dy }, amplitude) {
+  return {
+    ...line,
+    ...shut(line.x.map((x, i) => x + amplitude * dx[i]), line.y.map((y, i) => y + amplitude * dy[i]), line.closed),
+  };
 }
 
 /** Indices of a line's points that serve as handles: where it bends, and never far apart. */

@@ -3,63 +3,57 @@
 // A mark is one stroke ready to be painted: {line, band, strip, color}, lengths in pixels of the drawing; without a strip
 // it is flat ink. `view` is {scale, x, y}: a point p of the drawing lies at scale * p + (x, y) on the canvas.
 
-const HALF_TURN = (150 * Math.PI) / 180; // a ribbon that turns further may overlap itself
-
-/** Working memory for one stroke's pixels, grown where needed; stamps save clearing it. */
-const scratch = { size: 0, stamp: 0 };
+/**
+ * Working memory for one stroke: `slot` by pixel of its box, and by slot, in the order in which pixels were met, their
+ * place on the canvas and premultiplied colour. Slots count on from stroke to stroke, from `base`, so that nothing need be
+ * cleared.
+ */
+const scratch = { size: 0, base: 1 };
 
 function reserve(size) {
   if (size > scratch.size) {
     scratch.size = Math.ceil(size * 1.3);
-    scratch.stamp = 0;
-    for (const name of ["arm", "stroke", "taken", "touched", "pixels"]) scratch[name] = new Int32Array(scratch.size);
-    for (const name of ["distance", "u", "v", "r", "g", "b", "a"]) scratch[name] = new Float32Array(scratch.size);
-    scratch.past = new Uint8Array(scratch.size);
+    scratch.base = 1;
+    for (const name of ["slot", "place"]) scratch[name] = new Int32Array(scratch.size);
+    for (const name of ["r", "g", "b", "a"]) scratch[name] = new Float32Array(scratch.size);
+  }
+  if (scratch.base > 2 ** 30) {
+    scratch.slot.fill(0);
+    scratch.base = 1;
   }
   return scratch;
 }
 
-/** What of a mark does not change with the view: segments' lengths and directions, and where it may overlap itself. */
+/**
+ * What of a mark does not change with the view: its segments' lengths and directions, and the directions (nx, ny) across
+ * which one segment's pixels end and the next one's begin: those half-way between theirs; 0 where it turns back.
+ */
 function prepared(mark) {
   if (mark.ready) return mark.ready;
-  const { x, y } = mark.strip ? mark.band : mark.line;
+  const { x, y, closed } = mark.strip ? mark.band : mark.line;
   const radius = mark.strip ? mark.band.half : mark.line.width.map((w) => w / 2);
   const n = x.length - 1;
-  const [tx, ty, length, over] = [
-    new Float64Array(n),
-    new Float64Array(n),
-    new Float64Array(n),
-    new Float64Array(n + 1),
-  ];
-  const arms = [0];
-  let [heading, low, high] = [0, 0, 0];
-  const box = [x[0], y[0], x[0], y[0]];
-  let widest = radius[0];
+  const [tx, ty, length] = [new Float64Array(n), new Float64Array(n), new Float64Array(n)];
+  const [nx, ny] = [new Float64Array(n + 1), new Float64Array(n + 1)];
+  let [left, top, right, bottom, widest] = [x[0], y[0], x[0], y[0], radius[0]];
   for (let k = 0; k < n; k++) {
     const [dx, dy] = [x[k + 1] - x[k], y[k + 1] - y[k]];
     length[k] = Math.sqrt(dx * dx + dy * dy);
     tx[k] = length[k] > 1e-9 ? dx / length[k] : k ? tx[k - 1] : 1;
     ty[k] = length[k] > 1e-9 ? dy / length[k] : k ? ty[k - 1] : 0;
-    if (x[k + 1] < box[0]) box[0] = x[k + 1];
-    if (y[k + 1] < box[1]) box[1] = y[k + 1];
-    if (x[k + 1] > box[2]) box[2] = x[k + 1];
-    if (y[k + 1] > box[3]) box[3] = y[k + 1];
+    if (x[k + 1] < left) left = x[k + 1];
+    if (y[k + 1] < top) top = y[k + 1];
+    if (x[k + 1] > right) right = x[k + 1];
+    if (y[k + 1] > bottom) bottom = y[k + 1];
     if (radius[k + 1] > widest) widest = radius[k + 1];
-    if (!k) continue;
-    const [sine, cosine] = [tx[k - 1] * ty[k] - ty[k - 1] * tx[k], tx[k - 1] * tx[k] + ty[k - 1] * ty[k]];
-    over[k] = cosine > 0 ? Math.abs(sine) : 1; // how far past a segment's end, in radii, pixels still are closest to it
-    heading += cosine > 0.95 ? sine : Math.atan2(sine, cosine);
-    if (heading < low) low = heading;
-    if (heading > high) high = heading;
-    if (high - low > HALF_TURN && k > arms[arms.length - 1]) {
-      arms.push(k);
-      low = high = heading;
-    }
   }
-  over[0] = over[n] = 1;
-  arms.push(n);
-  const extent = [box[0] - widest, box[1] - widest, box[2] + widest, box[3] + widest];
-  return (mark.ready = { x, y, radius, tx, ty, length, over, arms, extent });
+  for (let k = 0; k <= n; k++) {
+    const [a, b] = [k ? k - 1 : closed ? n - 1 : 0, k < n ? k : closed ? 0 : n - 1];
+    const [sx, sy] = [tx[a] + tx[b], ty[a] + ty[b]];
+    if (sx * sx + sy * sy > 0.1) [nx[k], ny[k]] = [sx, sy];
+  }
+  const extent = [left - widest, top - widest, right + widest, bottom + widest];
+  return (mark.ready = { x, y, radius, tx, ty, length, nx, ny, extent });
 }
 
 /** The pixels [x0, y0, x1, y1) of a canvas that a mark may touch. */
@@ -74,9 +68,9 @@ function boxOf(mark, view) {
 }
 
 /**
- * One mark's pixels within `clip` [x0, y0, x1, y1): {x0, y0, w, h, count, pixels, a, r, g, b}. pixels[k] for k < count is
- * (y - y0) * w + x - x0, an index into a, r, g and b, premultiplied. A mark of one ink has `ink` in place of r, g and b.
- * Valid until the next call; null where there is nothing.
+ * One mark's pixels within `clip` [x0, y0, x1, y1): {x0, y0, w, h, count, place, a, r, g, b}; place[k] for k < count is
+ * (y - clip y0) * clip width + x - clip x0, and a[k], r[k], g[k], b[k] its colour, premultiplied. A mark of one ink has
+ * `ink` in place of r, g and b. Valid until the next call; null where there is nothing.
  */
 function pixelsOf(mark, view, clip) {
   const box = boxOf(mark, view);
@@ -85,215 +79,159 @@ function pixelsOf(mark, view, clip) {
   const w = Math.min(box[2], clip[2]) - x0;
   const h = Math.min(box[3], clip[3]) - y0;
   if (!(w > 0 && h > 0)) return null;
-  const area = { x0, y0, w, h };
-  reserve(w * h);
-  const count = mark.strip ? texturePixels(mark, view, area) : flatPixels(mark, view, area);
-  const { pixels, r, g, b, a } = scratch;
-  return { ...area, count, pixels, r, g, b, a, ink: !mark.strip || mark.strip.alpha ? mark.color : null };
+  const { place, r, g, b, a } = reserve(w * h);
+  const count = scan(mark, view, { x0, y0, w, h }, (y0 - clip[1]) * (clip[2] - clip[0]) + x0 - clip[0], clip[2] - clip[0]);
+  scratch.base += count;
+  return { x0, y0, w, h, count, place, r, g, b, a, ink: !mark.strip || mark.strip.alpha ? mark.color : null };
+}
+
+/** Four half-planes, a x + b y <= c: where a row at y meets side i, and whether from there on or up to there. */
+const sides = { at: new Float64Array(4), lean: new Float64Array(4), upTo: new Uint8Array(4) };
+
+function setSide(i, a, b, c) {
+  const steep = Math.abs(a) > 1e-9 ? a : 1e-9;
+  sides.at[i] = c / steep;
+  sides.lean[i] = -b / steep;
+  sides.upTo[i] = steep > 0 ? 1 : 0;
 }
 
 /**
- * The band round a segment along (tx, ty), at most `reach` off its line and t0 .. t1 along it, as rows cut it: a row at ry
- * from the segment's beginning, up <= ry <= down, meets it at rx from max(ry cot - wide, low - ry tan) to
- * min(ry cot + wide, high - ry tan).
+ * Every pixel of a box that a mark touches, into scratch; the number of them. The box's corner is at `corner` on a canvas
+ * of rows of `stride` pixels.
+ *
+ * Flat ink covers the union of the round cones of its segments. A ribbon's pixels lie each in the segment nearest to them,
+ * whose neighbours begin half-way round the bend; where the ribbon crosses itself the stronger ink is seen.
  */
-const slant = { cot: 0, wide: 0, tan: 0, low: 0, high: 0, up: 0, down: 0 };
-
-function slantOf(tx, ty, reach, t0, t1) {
-  const [steep, flat] = [Math.abs(ty) > 1e-4, Math.abs(tx) > 1e-4];
-  slant.cot = steep ? tx / ty : 0;
-  slant.wide = steep ? reach / Math.abs(ty) : 1e9;
-  slant.tan = flat ? ty / tx : 0;
-  slant.low = flat ? Math.min(t0 / tx, t1 / tx) : -1e9;
-  slant.high = flat ? Math.max(t0 / tx, t1 / tx) : 1e9;
-  const bend = Math.abs(tx) * reach;
-  slant.up = Math.min(t0 * ty, t1 * ty) - bend;
-  slant.down = Math.max(t0 * ty, t1 * ty) + bend;
-}
-
-/** Coverage of a stroke in flat ink, the union of the round cones of its segments, into scratch: the number of pixels. */
-function flatPixels(mark, view, { x0, y0, w, h }) {
+function scan(mark, view, { x0, y0, w, h }, corner, stride) {
   const { scale } = view;
-  const { x, y, radius, tx: txs, ty: tys, length: lengths, over } = prepared(mark);
-  const { stroke, pixels, a: cover } = scratch;
-  const stamp = ++scratch.stamp;
+  const { strip, band } = mark;
+  const { x, y, radius, tx: txs, ty: tys, length: lengths, nx, ny } = prepared(mark);
+  const { base, slot, place, r, g, b, a } = scratch;
+  const { at: meets, lean: leans, upTo } = sides;
+  const opaque = mark.color[3];
+  const texels = strip ? (strip.alpha ?? strip.data) : null;
+  const [rows, columns] = strip ? [strip.rows, strip.columns] : [0, 0];
   let count = 0;
   for (let k = 0; k < lengths.length; k++) {
-    const [tx, ty] = [txs[k], tys[k]];
     const length = scale * lengths[k];
-    if (length < 1e-6 && lengths.length > 1) continue;
-    const [ax, ay] = [scale * x[k] + view.x, scale * y[k] + view.y];
+    if (length < 1e-6 && (strip || lengths.length > 1)) continue;
+    const [tx, ty] = [txs[k], tys[k]];
     const [ra, rb] = [scale * radius[k], scale * radius[k + 1]];
-    const slope = length > 1e-9 ? Math.min(Math.max((ra - rb) / length, -1 + 1e-9), 1 - 1e-9) : 0;
-    const lean = slope / Math.sqrt(1 - slope * slope);
-    const wide = 2 * Math.max(ra, rb);
-    const reach = Math.max(ra, rb) + 1;
-    const t0 = -reach * Math.min(1, over[k] + 2 * Math.abs(slope) + 0.2);
-    const t1 = length + reach * Math.min(1, over[k + 1] + 2 * Math.abs(slope) + 0.2);
-    slantOf(tx, ty, reach, t0, t1);
-    const { cot, wide: across, tan, low, high, up, down } = slant;
-    const [rx0, ry0] = [x0 + 0.5 - ax, y0 + 0.5 - ay];
-    const last = Math.min(h - 1, Math.floor(down - ry0));
-    for (let row = Math.max(0, Math.ceil(up - ry0)); row <= last; row++) {
-      const ry = ry0 + row;
-      const end = Math.min(w - 1, Math.floor(Math.min(ry * cot + across, high - ry * tan) - rx0));
-      for (
-        let column = Math.max(0, Math.ceil(Math.max(ry * cot - across, low - ry * tan) - rx0));
-        column <= end;
-        column++
-      ) {
-        const rx = rx0 + column;
-        const t = rx * tx + ry * ty;
-        const side = Math.abs(ry * tx - rx * ty);
-        let foot = t - side * lean;
-        foot = foot < 0 ? 0 : foot > length ? length : foot;
-        const distance = Math.sqrt((t - foot) * (t - foot) + side * side) - ra + slope * foot;
-        let part = distance < -0.5 ? 1 : 0.5 - distance;
-        if (distance + wide < 0.5) part -= Math.min(0.5 - distance - wide, 1);
-        if (part <= 0) continue;
-        const pixel = row * w + column;
-        if (stroke[pixel] !== stamp) {
-          stroke[pixel] = stamp;
-          cover[pixel] = part;
-          pixels[count++] = pixel;
-        } else if (part > cover[pixel]) cover[pixel] = part;
-      }
+    let reach = Math.max(ra, rb);
+    let fall = length > 1e-9 ? (ra - rb) / length : 0;
+    let [lean, u, climb] = [0, 0, 0];
+    if (strip) {
+      u = (band.along[k] / band.length) * rows - 0.5;
+      climb = ((band.along[k + 1] - band.along[k]) / band.length / length) * rows;
+      const [sharp, blunt] = [!nx[k] && !ny[k], !nx[k + 1] && !ny[k + 1]];
+      if (sharp) setSide(0, -tx, -ty, reach);
+      else setSide(0, -nx[k], -ny[k], 0);
+      if (blunt) setSide(1, tx, ty, length + reach);
+      else setSide(1, nx[k + 1], ny[k + 1], length * (nx[k + 1] * tx + ny[k + 1] * ty));
+      setSide(2, fall * tx - ty, tx + fall * ty, ra);
+      setSide(3, fall * tx + ty, fall * ty - tx, ra);
+    } else {
+      fall = Math.min(Math.max(fall, -1 + 1e-9), 1 - 1e-9);
+      lean = fall / Math.sqrt(1 - fall * fall); // a cone's nearest point lies ahead of the foot of the perpendicular
+      reach += 1;
+      setSide(0, -tx, -ty, reach);
+      setSide(1, tx, ty, length + reach);
+      setSide(2, -ty, tx, reach);
+      setSide(3, ty, -tx, reach);
     }
-  }
-  const alpha = mark.color[3];
-  for (let k = 0; k < count; k++) cover[pixels[k]] *= alpha;
-  return count;
-}
-
-/** The pixels of a ribbon, read off its texture, into scratch; where it crosses itself the stronger one is seen. */
-function texturePixels(mark, view, { x0, y0, w, h }) {
-  const { scale } = view;
-  const { band } = mark;
-  const { x, y, radius, tx: txs, ty: tys, length: lengths, over, arms } = prepared(mark);
-  const { arm: inArm, taken, touched, distance: nearest, u: us, v: vs, past } = scratch;
-  const stroke = ++scratch.stamp;
-  const spare = [];
-  let count = 0;
-  for (let arm = 0; arm + 1 < arms.length; arm++) {
-    const [first, end] = [arms[arm], arms[arm + 1]];
-    const stamp = ++scratch.stamp;
-    let found = 0;
-    for (let k = first; k < end; k++) {
-      const length = scale * lengths[k];
-      if (length < 1e-9) continue;
-      const [tx, ty] = [txs[k], tys[k]];
-      const [ax, ay] = [scale * x[k] + view.x, scale * y[k] + view.y];
-      const ha = scale * radius[k];
-      const rise = (scale * radius[k + 1] - ha) / length;
-      const [ua, us_] = [band.u[k], (band.u[k + 1] - band.u[k]) / length];
-      const [qa, qs] = [band.ratio[k], (band.ratio[k + 1] - band.ratio[k]) / length];
-      const reach = Math.max(ha, scale * radius[k + 1]);
-      // beyond the ends of an open ribbon there is nothing; where an arm was cut another one takes over
-      const t0 = k > first ? -reach * over[k] : k || band.closed ? -reach : 0;
-      const t1 = length + (k < end - 1 ? reach * over[k + 1] : k < lengths.length - 1 || band.closed ? reach : 0);
-      slantOf(tx, ty, reach, t0, t1);
-      const { cot, wide, tan, low, high, up, down } = slant;
-      const [rx0, ry0] = [x0 + 0.5 - ax, y0 + 0.5 - ay];
-      const last = Math.min(h - 1, Math.floor(down - ry0));
-      for (let row = Math.max(0, Math.ceil(up - ry0)); row <= last; row++) {
-        const ry = ry0 + row;
-        const stop = Math.min(w - 1, Math.floor(Math.min(ry * cot + wide, high - ry * tan) - rx0));
-        for (
-          let column = Math.max(0, Math.ceil(Math.max(ry * cot - wide, low - ry * tan) - rx0));
-          column <= stop;
-          column++
-        ) {
-          const rx = rx0 + column;
-          const t = rx * tx + ry * ty;
-          const side = ry * tx - rx * ty;
-          const foot = t < 0 ? 0 : t > length ? length : t;
-          const square = (t - foot) * (t - foot) + side * side;
-          const half = ha + foot * rise;
-          if (square > half * half) continue;
-          const pixel = row * w + column;
-          if (inArm[pixel] !== stamp) {
-            inArm[pixel] = stamp;
-            touched[found++] = pixel;
-          } else if (square >= nearest[pixel]) continue;
-          nearest[pixel] = square;
-          us[pixel] = ua + foot * us_;
-          const v = (Math.sqrt(square) / (half > 1e-9 ? half : 1e-9)) * (qa + foot * qs);
-          vs[pixel] = side < 0 ? -v : v;
-          past[pixel] = (t < 0 && k === first) || (t > length && k === end - 1) ? 1 : 0;
+    const thick = 2 * Math.max(ra, rb);
+    const [rx0, ry0] = [x0 + 0.5 - (scale * x[k] + view.x), y0 + 0.5 - (scale * y[k] + view.y)];
+    const last = Math.min(h - 1, Math.floor(Math.max(0, length * ty) + reach - ry0));
+    for (let row = Math.max(0, Math.ceil(Math.min(0, length * ty) - reach - ry0)); row <= last; row++) {
+      const ry = ry0 + row;
+      let [from, to] = [rx0 - 0.5, rx0 + w - 1];
+      for (let i = 0; i < 4; i++) {
+        const meet = meets[i] + leans[i] * ry;
+        if (upTo[i]) {
+          if (meet < to) to = meet;
+        } else if (meet > from) from = meet;
+      }
+      const end = Math.floor(to - rx0);
+      let column = Math.ceil(from - rx0);
+      let t = (rx0 + column) * tx + ry * ty;
+      let side = ry * tx - (rx0 + column) * ty;
+      for (; column <= end; column++, t += tx, side -= ty) {
+        const pixel = row * w + column;
+        let foot = t;
+        if (lean) foot -= Math.abs(side) * lean;
+        foot = foot < 0 ? 0 : foot > length ? length : foot;
+        const half = ra - foot * fall;
+        const ahead = t - foot;
+        let alpha;
+        if (strip) {
+          let v = side / half;
+          if (ahead !== 0) {
+            const square = ahead * ahead + side * side; // off the end of the segment, round its point
+            if (square > half * half) continue;
+            v = (side < 0 ? -Math.sqrt(square) : Math.sqrt(square)) / half;
+          }
+          alpha = strip.alpha
+            ? opacityAt(texels, rows, columns, u + foot * climb, v, band.closed)
+            : colorAt(texels, rows, columns, u + foot * climb, v, band.closed);
+        } else {
+          // the pixel's part within a band: what the near edge lets in less what the far edge shuts out
+          const distance = Math.sqrt(ahead * ahead + side * side) - half;
+          let part = distance < -0.5 ? 1 : 0.5 - distance;
+          if (distance + thick < 0.5) part -= Math.min(0.5 - distance - thick, 1);
+          if (part <= 0) continue;
+          alpha = part * opaque;
+        }
+        let at = slot[pixel] - base;
+        if (at < 0) {
+          at = count++;
+          slot[pixel] = base + at;
+          place[at] = corner + row * stride + column;
+        } else if (alpha <= a[at]) continue;
+        a[at] = alpha;
+        if (strip && !strip.alpha) {
+          r[at] = tint.r;
+          g[at] = tint.g;
+          b[at] = tint.b;
         }
       }
     }
-    for (let i = 0; i < found; i++) {
-      const pixel = touched[i];
-      if (past[pixel]) spare.push(pixel, us[pixel], vs[pixel]);
-      else {
-        taken[pixel] = stroke;
-        count = lay(mark.strip, pixel, us[pixel], vs[pixel], band.closed, stroke, count);
-      }
-    }
-  }
-  // where arms meet, what only reaches an arm's cut end belongs to the other arm
-  for (let i = 0; i < spare.length; i += 3) {
-    const pixel = spare[i];
-    if (taken[pixel] !== stroke) count = lay(mark.strip, pixel, spare[i + 1], spare[i + 2], band.closed, stroke, count);
   }
   return count;
 }
 
-/** Read a texture at u in [0, 1] and v, and put it on a pixel unless something stronger is there; the new count. */
-function lay(strip, pixel, u, v, wrap, stamp, count) {
-  const { stroke, pixels, a } = scratch;
-  const alpha = sample(strip, u, v, wrap);
-  if (stroke[pixel] !== stamp) {
-    if (alpha <= 0) return count;
-    stroke[pixel] = stamp;
-    pixels[count++] = pixel;
-  } else if (alpha <= a[pixel]) return count;
-  a[pixel] = alpha;
-  if (!strip.alpha) {
-    scratch.r[pixel] = texel.r;
-    scratch.g[pixel] = texel.g;
-    scratch.b[pixel] = texel.b;
-  }
-  return count;
-}
+const tint = { r: 0, g: 0, b: 0 };
 
-const texel = { r: 0, g: 0, b: 0 };
-
-/** The opacity of a texture at u in [0, 1] and v in [-1, 1], bilinear, 0 outside; its colours go to `texel`. */
-function sample(strip, u, v, wrap) {
-  if (v > 1 || v < -1) return 0;
-  const { rows, columns, alpha } = strip;
-  const row = u * rows - 0.5;
-  let r0 = Math.floor(row);
-  let r1 = r0 + 1;
-  const down = row - r0;
-  if (r0 < 0) r0 = wrap ? rows - 1 : 0;
-  if (r1 >= rows) r1 = wrap ? 0 : rows - 1;
+/** The opacity, 0 .. 1, of texels of one ink, bytes (rows, columns), at a row and v in [-1, 1], bilinear. */
+function opacityAt(alpha, rows, columns, row, v, wrap) {
   const column = (v + 1) * 0.5 * columns - 0.5;
-  let c0 = Math.floor(column);
-  let c1 = c0 + 1;
-  const right = column - c0;
-  if (c0 < 0) c0 = 0;
-  if (c1 >= columns) c1 = columns - 1;
-  r0 *= columns;
-  r1 *= columns;
-  if (alpha) {
-    const top = alpha[r0 + c0] + right * (alpha[r0 + c1] - alpha[r0 + c0]);
-    const bottom = alpha[r1 + c0] + right * (alpha[r1 + c1] - alpha[r1 + c0]);
-    return (top + down * (bottom - top)) * (1 / 255);
-  }
-  const { data } = strip;
-  const [i00, i01, i10, i11] = [4 * (r0 + c0), 4 * (r0 + c1), 4 * (r1 + c0), 4 * (r1 + c1)];
-  const channel = (k) => {
-    const top = data[i00 + k] + right * (data[i01 + k] - data[i00 + k]);
-    const bottom = data[i10 + k] + right * (data[i11 + k] - data[i10 + k]);
-    return (top + down * (bottom - top)) * (1 / 255);
-  };
-  texel.r = channel(0);
-  texel.g = channel(1);
-  texel.b = channel(2);
-  return channel(3);
+  let [r0, c0] = [Math.floor(row), Math.floor(column)];
+  const [down, right] = [row - r0, column - c0];
+  const r1 = (r0 + 1 < rows ? r0 + 1 : wrap ? 0 : rows - 1) * columns;
+  r0 = (r0 >= 0 ? r0 : wrap ? rows - 1 : 0) * columns;
+  const c1 = c0 + 1 < columns ? c0 + 1 : columns - 1;
+  c0 = c0 < 0 ? 0 : c0;
+  const top = alpha[r0 + c0] + right * (alpha[r0 + c1] - alpha[r0 + c0]);
+  const low = alpha[r1 + c0] + right * (alpha[r1 + c1] - alpha[r1 + c0]);
+  return (top + down * (low - top)) * (1 / 255);
+}
+
+/** The same of premultiplied RGBA texels; the colours go to `tint`. */
+function colorAt(data, rows, columns, row, v, wrap) {
+  const column = (v + 1) * 0.5 * columns - 0.5;
+  let [r0, c0] = [Math.floor(row), Math.floor(column)];
+  const [down, right] = [row - r0, column - c0];
+  const r1 = (r0 + 1 < rows ? r0 + 1 : wrap ? 0 : rows - 1) * columns;
+  r0 = (r0 >= 0 ? r0 : wrap ? rows - 1 : 0) * columns;
+  const c1 = c0 + 1 < columns ? c0 + 1 : columns - 1;
+  c0 = c0 < 0 ? 0 : c0;
+  const [i, j, k, l] = [4 * (r0 + c0), 4 * (r0 + c1), 4 * (r1 + c0), 4 * (r1 + c1)];
+  const w11 = (right * down) / 255;
+  const [w01, w10] = [right / 255 - w11, down / 255 - w11];
+  const w00 = 1 / 255 - w01 - w10 - w11;
+  tint.r = w00 * data[i] + w01 * data[j] + w10 * data[k] + w11 * data[l];
+  tint.g = w00 * data[i + 1] + w01 * data[j + 1] + w10 * data[k + 1] + w11 * data[l + 1];
+  tint.b = w00 * data[i + 2] + w01 * data[j + 2] + w10 * data[k + 2] + w11 * data[l + 2];
+  return w00 * data[i + 3] + w01 * data[j + 3] + w10 * data[k + 3] + w11 * data[l + 3];
 }
 
 /** Paint marks, first to last, over opaque pixels: `image` is an ImageData whose corner lies at (x0, y0) of the canvas. */
@@ -304,23 +242,20 @@ function paintMarks(marks, view, image, x0 = 0, y0 = 0) {
   for (const mark of marks) {
     const made = pixelsOf(mark, view, clip);
     if (!made) continue;
-    const { pixels, a, r, g, b, ink, count, w } = made;
+    const { place, a, r, g, b, ink, count } = made;
     const [red, green, blue] = ink ? ink.map((c) => 255 * c) : [0, 0, 0];
-    const corner = (made.y0 - y0) * width + made.x0 - x0;
     for (let k = 0; k < count; k++) {
-      const pixel = pixels[k];
-      const row = (pixel / w) | 0;
-      const at = 4 * (corner + row * width + pixel - row * w);
-      const alpha = a[pixel];
+      const at = 4 * place[k];
+      const alpha = a[k];
       const rest = 1 - alpha;
       if (ink) {
-        data[at] = (alpha * red + rest * data[at] + 0.5) | 0;
-        data[at + 1] = (alpha * green + rest * data[at + 1] + 0.5) | 0;
-        data[at + 2] = (alpha * blue + rest * data[at + 2] + 0.5) | 0;
+        data[at] = alpha * red + rest * data[at] + 0.5;
+        data[at + 1] = alpha * green + rest * data[at + 1] + 0.5;
+        data[at + 2] = alpha * blue + rest * data[at + 2] + 0.5;
       } else {
-        data[at] = (255 * r[pixel] + rest * data[at] + 0.5) | 0;
-        data[at + 1] = (255 * g[pixel] + rest * data[at + 1] + 0.5) | 0;
-        data[at + 2] = (255 * b[pixel] + rest * data[at + 2] + 0.5) | 0;
+        data[at] = 255 * r[k] + rest * data[at] + 0.5;
+        data[at + 1] = 255 * g[k] + rest * data[at + 1] + 0.5;
+        data[at + 2] = 255 * b[k] + rest * data[at + 2] + 0.5;
       }
     }
   }
