@@ -8,11 +8,13 @@ writes tests/golden/svg anew, with the programs that are installed: Inkscape, sc
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from strokestyle.curves import KINDS
+from strokestyle.parts import Parts, part_name
 from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.svg import write_svg
 
@@ -60,6 +62,16 @@ def small(texture: str | None) -> Drawing:
     return Drawing(strokes, (120, 100), color, Texture(rgba, 60 * np.arange(6), 1.5))
 
 
+NAMES = tuple(
+    part_name(name) for name in ("\"><script>&amp;'", "Räder, \u65e5\u672c \U0001f58c", "left ridge", 500 * "x")
+)
+
+
+def with_parts(drawing: Drawing) -> Drawing:
+    """The strokes of `small` in four parts with names of all sorts, and one stroke in none."""
+    return replace(drawing, parts=Parts(NAMES, [3, 0, 1, -1, 2]))
+
+
 def run(command: str, source: Path, target: Path) -> bool:
     """Whether the program did it."""
     words = command.format(source, target).split()
@@ -79,14 +91,16 @@ def by_hand(source: Path, target: Path) -> bool:
 
 def main():
     GOLDEN.mkdir(parents=True, exist_ok=True)
-    for texture in sys.argv[1:] or ("none", "image"):
-        source = GOLDEN / f"{texture}.svg"
+    for name in sys.argv[1:] or ("none", "image", "parts"):
+        source, texture = GOLDEN / f"{name}.svg", "none" if name == "parts" else name
         drawing = small(None if texture == "none" else "grain")
-        source.write_text(write_svg(drawing, texture=texture, title="Small & plain", author="Ann", license="CC-BY-4.0"))
-        for name, command in SAVES.items():
-            print(texture, name, run(command, source, GOLDEN / f"{texture}-{name}.svg"))
-        print(texture, "by hand", by_hand(source, GOLDEN / f"{texture}-moved.svg"))
-        run(SAVES["svgo"], GOLDEN / f"{texture}-moved.svg", GOLDEN / f"{texture}-moved-svgo.svg")
+        drawing = with_parts(drawing) if name == "parts" else drawing
+        words = {"title": "Small & plain", "author": "Ann", "license": "CC-BY-4.0"}
+        source.write_text(write_svg(drawing, texture=texture, **words), encoding="utf-8")
+        for program, command in SAVES.items():
+            print(name, program, run(command, source, GOLDEN / f"{name}-{program}.svg"))
+        print(name, "by hand", by_hand(source, GOLDEN / f"{name}-moved.svg"))
+        run(SAVES["svgo"], GOLDEN / f"{name}-moved.svg", GOLDEN / f"{name}-moved-svgo.svg")
 
 
 if __name__ == "__main__":

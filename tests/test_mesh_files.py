@@ -1,5 +1,8 @@
 """OBJ files of all dialects, against trimesh and closed forms, and what is wrong with the others."""
 
+import json
+import struct
+
 import numpy as np
 import pytest
 import shapes
@@ -71,6 +74,50 @@ def test_objects_are_parts():
     _, faces, part, names = read_obj(SQUARE + text)
     assert [names[i] for i in part] == ["", "body of it", "body of it", "wh\ufffdel", "wh\ufffdel"]
     assert len(names) == 3
+
+
+def test_groups_are_parts_where_there_are_no_objects():
+    text = b"f 1 2 3\ng default\nf 1 3 4\ng left arm\nf 1 2 3\ng hat\nf 1 3 4\ng left arm\nf 1 2 4"
+    _, faces, part, names = read_obj(SQUARE + text)
+    assert [names[i] for i in part] == ["", "", "left arm", "hat", "left arm"] and len(names) == 3
+    assert read_obj(SQUARE + b"o all\n" + text)[3] == ("all",)
+
+
+def glb(nodes, meshes):
+    """A binary glTF file of square plates: nodes as in the file, and of each mesh how many pieces it has."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4").tobytes()
+    blob = corners + np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes()
+    piece = {"attributes": {"POSITION": 0}, "indices": 1}
+    views = [{"buffer": 0, "byteOffset": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 12}]
+    content = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": list(range(len(nodes)))}], "nodes": nodes,
+        "meshes": [{**mesh, "primitives": [piece] * mesh["primitives"]} for mesh in meshes], "bufferViews": views,
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ],
+        "buffers": [{"byteLength": len(blob)}],
+    }  # fmt: skip
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(blob), 0x004E4942) + blob
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
+
+
+def test_parts_of_a_scene_have_the_names_of_nodes_then_of_meshes_and_none_that_were_made_up(tmp_path):
+    nodes = [
+        {"name": "body", "mesh": 0}, {"name": "body_part", "mesh": 1, "translation": [2, 0, 0]},
+        {"mesh": 1, "translation": [4, 0, 0]}, {"mesh": 2, "translation": [6, 0, 0]},
+    ]  # fmt: skip
+    path = tmp_path / "scene.glb"
+    path.write_bytes(
+        glb(nodes, [{"name": "two", "primitives": 2}, {"name": "plate", "primitives": 1}, {"primitives": 1}])
+    )
+    vertices, faces, part, names = read_mesh(path)
+    left = vertices[faces].min(axis=(1, 2), where=[True, False, False], initial=9)
+    assert {(names[p], round(x)) for p, x in zip(part, left, strict=True)} == {
+        ("body", 0), ("body_part", 2), ("plate", 4), ("", 6),
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

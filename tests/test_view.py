@@ -8,10 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial import cKDTree
+from shapes import cube, wheel
 
 from strokestyle.camera import Camera, fit_camera
 from strokestyle.curves import KINDS, Curves, arc_length
 from strokestyle.feature_curves import LineOptions, feature_curves
+from strokestyle.parts import Parts, part_name
 from strokestyle.surface import make_surface
 from strokestyle.svg import plain_svg, png_from_svg
 from strokestyle.view import (
@@ -28,6 +31,7 @@ from strokestyle.view import (
     plain_raster,
     save_view,
     view_of,
+    view_of_lines,
     view_to_json,
     visible_fragments,
 )
@@ -531,3 +535,114 @@ def test_bad_shapes_are_refused(view):
         FeatureMaps(good.names, good.values, good.covered, np.ones(3))
     with pytest.raises(ValueError, match="camera"):
         View(replace(view.camera, width=99), view.curves, good)
+
+
+# ------------------------------------------------------------------------------------------------------------ parts
+
+
+def wheel_surface(names=None):
+    """tests/shapes.wheel as a surface with named parts."""
+    parts = wheel()
+    count = np.cumsum([0] + [len(shape.vertices) for shape in parts.values()])
+    faces = [shape.faces + at for shape, at in zip(parts.values(), count, strict=False)]
+    part = np.repeat(np.arange(len(parts)), [len(f) for f in faces])
+    vertices = np.concatenate([shape.vertices for shape in parts.values()])
+    return make_surface(vertices, np.concatenate(faces), part=part, part_names=tuple(names or parts))
+
+
+@pytest.fixture(scope="module")
+def wheel_view():
+    surface = wheel_surface()
+    camera = fit_camera(surface.vertices, "25,20", width=300, height=300)
+    return surface, camera, extract(surface, camera, hidden=True)
+
+
+def distance_to_parts(surface, camera, xy):
+    """From pixels (N, 2) to the nearest vertex of each part, (N, parts), px."""
+    return np.stack(
+        [
+            cKDTree(camera.project(surface.vertices[surface.faces[surface.part == k].ravel()])[0]).query(xy)[0]
+            for k in range(len(surface.part_names))
+        ],
+        axis=1,
+    )
+
+
+def test_every_point_of_a_curve_is_of_a_part_that_lies_there(wheel_view):
+    surface, camera, view = wheel_view
+    for parts, curves in ((view.parts, view.curves), (view.hidden_parts, view.hidden)):
+        assert sorted(parts.names) == sorted(surface.part_names) and len(curves) > 5
+        own = np.array([surface.part_names.index(parts.name(i)) for i in range(len(parts))])
+        away = distance_to_parts(surface, camera, curves.xy)
+        assert away[np.arange(len(own)), own].max() < 12  # px, which vertices are apart
+        assert (np.bincount(own, minlength=len(parts.names)) > 0).all()
+    # on the outer rim there is but the tire
+    rim = np.linalg.norm(camera.project(np.zeros((1, 3)))[0] - view.curves.xy, axis=1) > 115
+    assert rim.sum() > 100 and {view.parts.names[i] for i in view.parts.index[rim]} == {"tire"}
+
+
+def test_curves_of_its_own_and_from_elsewhere_are_of_the_same_parts(wheel_view):
+    """Two roads: by the face that a line was found on, and by rays."""
+    surface, camera, view = wheel_view
+    other = view_of(surface, camera, view.curves)
+    ours, theirs = view.curve_parts, other.curve_parts
+    assert len(other.curves) == len(view.curves)
+    assert [ours.name(i) for i in range(len(ours))] == [theirs.name(i) for i in range(len(theirs))]
+    away = Curves.from_list([[[2, 2], [40, 2]], *(view.curves[i] + [0.7, -0.7] for i in range(len(view.curves)))])
+    shifted = view_of(surface, camera, away).curve_parts
+    assert shifted.name(0) == "" and [shifted.name(i + 1) for i in range(len(ours))] == [
+        ours.name(i) for i in range(len(ours))
+    ]
+
+
+def test_nearer_parts_are_painted_later():
+    vertices, faces = cube()
+    both = np.concatenate([vertices * [1, 1, 0.1] + [0, 0, z] for z in (0.0, 1.0)])
+    both_faces = np.concatenate([faces, faces + len(vertices)])
+    part = np.repeat([0, 1], len(faces))
+    for azimuth, order in (("20,10", ("back", "front")), ("200,10", ("front", "back"))):
+        surface = make_surface(both, both_faces, part=part, part_names=("back", "front"))
+        view = extract(surface, fit_camera(surface.vertices, azimuth, width=128, height=128))
+        assert view.parts.names == order
+
+
+@pytest.mark.parametrize(
+    "names, found",
+    [
+        (("",) * 7, None),
+        (("a",) * 7, None),
+        (("a", "a ", "\ta", "a\x00", "a", "a", "a"), None),
+        (("", "hub", *("",) * 5), {"", "hub"}),
+        (("wheel", "wheel", *("spoke",) * 5), {"wheel", "spoke"}),
+        (("a\n" * 300, "b", *("c",) * 5), {"b", "c", part_name("a\n" * 300)}),
+    ],
+)
+def test_parts_of_one_name_are_one_and_without_names_there_are_none(names, found, wheel_view):
+    _, camera, whole = wheel_view
+    view = extract(wheel_surface(names), camera)
+    assert np.array_equal(view.curves.xy, whole.curves.xy)  # names change no line
+    got = None if view.parts is None else {view.parts.name(i) for i in range(len(view.parts))}
+    assert got == found and (view.curve_parts is None) == (found is None)
+
+
+def test_parts_are_saved_and_told(wheel_view, tmp_path):
+    _, _, view = wheel_view
+    save_view(tmp_path / "v.npz", view)
+    back = load_view(tmp_path / "v.npz")
+    for name in ("parts", "hidden_parts"):
+        assert getattr(back, name).names == getattr(view, name).names
+        assert np.array_equal(getattr(back, name).index, getattr(view, name).index)
+    content = view_to_json(view)
+    assert len(content["parts"]) == len(view.curves) and len(content["hidden"]["parts"]) == len(view.hidden)
+    assert set(content["parts"]) <= set(view.parts.names)
+    plain = replace(view, parts=None, hidden_parts=None)
+    save_view(tmp_path / "p.npz", plain)
+    assert load_view(tmp_path / "p.npz").parts is None and "parts" not in view_to_json(plain)
+    with pytest.raises(ValueError, match="View.parts"):
+        replace(view, parts=view.parts.take([0]))
+
+
+def test_lines_without_a_shape_keep_their_parts():
+    lines = Curves.from_list([[[-9, 5], [-2, 5]], [[-9, 15], [50, 15]], [[5, 25], [20, 25]], [[0, 30], [9, 30]]])
+    view = view_of_lines(lines, 40, 40, parts=Parts(("a", "b"), [0, 1, 0, -1]))
+    assert view.curve_parts.index.tolist() == [1, 0, -1] and view_of_lines(lines, 40, 40).parts is None

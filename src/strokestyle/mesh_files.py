@@ -23,6 +23,7 @@ _EXTRA_PACKAGES = {
     ".dxf": "ezdxf",
     ".msh": "gmsh",
 }
+_MADE_UP = r"((geometry|GLTF|world)(_\d+)?|\d+)?"  # trimesh's own names of parts
 _SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
 _NO_KEYWORDS = bytes.maketrans(b"vf", b"  ")
 
@@ -71,7 +72,8 @@ def read_mesh(path: Path) -> Triangles:
 def read_obj(data: bytes) -> Triangles:
     """The faces of a Wavefront OBJ file; polygons are cut into fans, each object (`o`) is a part.
 
-    Everything that shape does not need is skipped: texture coordinates, normals, colours, groups, materials, curves.
+    Where there are no objects, groups (`g`) are parts; "default" is no name of one. Everything that shape does not need
+    is skipped: texture coordinates, normals, colours, materials, curves.
     Raises ValueError, naming the line, where a vertex or a face cannot be read or a face names no vertex.
     """
     if b"\r\n" in data:
@@ -87,6 +89,9 @@ def read_obj(data: bytes) -> Triangles:
     start = np.flatnonzero(text == ord("\n"))[:-2] + 1  # of every line, and of an empty one after the last
     first, spaced = text[start], text[start + 1] == ord(" ")
     is_vertex, is_face, is_object = (spaced & (first == ord(letter)) for letter in "vfo")
+    grouped = not is_object.any()
+    if grouped:
+        is_object = spaced & (first == ord("g"))
 
     vertex, face = np.flatnonzero(is_vertex), np.flatnonzero(is_face)
     values, count = _numbers(_lines(data, start, vertex), float, start, vertex, data)
@@ -113,6 +118,8 @@ def read_obj(data: bytes) -> Triangles:
     faces = corner[np.stack([begin, begin + k + 1, begin + k + 2], axis=1)]
 
     names = [""] + [_text(data, start, at)[2:].strip() for at in np.flatnonzero(is_object)]
+    if grouped:
+        names = ["" if name == "default" else name for name in names]
     number = {name: i for i, name in enumerate(names)}  # objects of one name are one part
     of_object = np.array([number[name] for name in names])
     present, part = np.unique(of_object[np.cumsum(is_object)[face[polygon]]], return_inverse=True)
@@ -251,6 +258,7 @@ def _read_with_trimesh(path: Path, suffix: str) -> tuple[np.ndarray, np.ndarray,
     try:
         with _silence():
             scene = trimesh.load_scene(str(path), process=False)
+            above = scene.graph.transforms.parents
             parts = [geometry for geometry in scene.dump() if len(getattr(geometry, "vertices", ()))]
     except OSError as error:
         raise type(error)(f"{path}: cannot be read ({_line(error)})") from None
@@ -267,13 +275,17 @@ def _read_with_trimesh(path: Path, suffix: str) -> tuple[np.ndarray, np.ndarray,
     vertices = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes])
     faces = np.concatenate([np.asarray(mesh.faces, np.int64) + at for mesh, at in zip(meshes, offset, strict=False)])
     part = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
-    return vertices, faces, part, tuple(_part_name(mesh.metadata, path) for mesh in meshes), points
+    return vertices, faces, part, tuple(_part_name(mesh.metadata, above, path) for mesh in meshes), points
 
 
-def _part_name(metadata: dict, path: Path) -> str:
-    """The name that the file gives a part, "" where trimesh made one up."""
-    name = str(metadata.get("node") or metadata.get("name") or "")
-    return "" if name == path.name or re.fullmatch(r"geometry(_\d+)?", name) else name
+def _part_name(metadata: dict, above: dict[str, str], path: Path) -> str:
+    """The name that the file gives a part, "" where trimesh made one up; `above` has the node over each node."""
+    node, name = str(metadata.get("node") or ""), str(metadata.get("name") or "")
+    parent = str(above.get(node) or "")
+    if parent and re.fullmatch(re.escape(parent) + "_[0-9a-f]{6}", node):
+        node = parent  # one of several pieces of a mesh, such as those of different materials
+    given = (text for text in (node, name) if text != path.name and not re.fullmatch(_MADE_UP, text))
+    return next(given, "")
 
 
 def _line(error: Exception) -> str:

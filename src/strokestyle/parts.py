@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from dataclasses import dataclass
 
 import numpy as np
 
 MAX_NAME = 100  # characters
+_UNFIT = re.compile("[\x00-\x1f\ud800-\udfff\ufffe\uffff]")  # what XML 1.0 cannot hold
 
 
 @dataclass(frozen=True)
@@ -75,9 +77,7 @@ def part_name(text: str) -> str:
 
     A longer one is cut and ends in a digest of the whole, so that names that differ go on to do so.
     """
-    spaced = " ".join(text.split())
-    kept = (c for c in spaced if c >= " " and not "\ud800" <= c <= "\udfff" and c not in "\ufffe\uffff")
-    name = " ".join("".join(kept).split())
+    name = " ".join(_UNFIT.sub("", " ".join(text.split())).split())
     if len(name) <= MAX_NAME:
         return name
     return name[: MAX_NAME - 9].rstrip() + "~" + hashlib.blake2b(name.encode(), digest_size=4).hexdigest()

@@ -49,8 +49,8 @@ from .svg_syntax import (
 MAX_STROKES = 20_000
 MAX_TEXELS = 16_000_000  # of a drawing
 MAX_PATH = 1_000_000  # characters of a centre line, or of its widths
-MAX_PART = 10_000  # characters of a part's name that are looked at, before it is cut
-MAX_PARTS = 1_000_000  # characters of the list of parts
+MAX_PART = 1_000  # characters of a part's name that are looked at
+MAX_PARTS = 1_000_000  # and of the list of parts
 MAX_PLACE = 1e6  # px from the canvas's origin, and the largest canvas
 CHORD = 0.05  # px between a curved centre line and its chords
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
@@ -350,7 +350,7 @@ class _Reader:
 
     def _parts(self, lines: list[_Line]) -> Parts | None:
         """The parts that strokes name, in the order that the file has for them; those from other files lie on top."""
-        order = tuple(unquote(name) for name in self.root.get("data-ss-parts", "")[:MAX_PARTS].split())
+        order = tuple(unquote(name) for name in self.root.get("data-ss-parts", "")[:MAX_PARTS].split()[:MAX_STROKES])
         return Parts.of_names([line.part for line in lines], order)
 
     def _options(self, textured: bool) -> SvgOptions:
