@@ -13,6 +13,7 @@ from PIL import Image
 
 from strokestyle.curves import KINDS, Curves
 from strokestyle.painting import rasterise
+from strokestyle.parts import Parts
 from strokestyle.strokes import Drawing, Strokes, Texture, signed_distance
 from strokestyle.svg import (
     SvgOptions,
@@ -250,3 +251,121 @@ def test_hidden_curves_lie_dashed_beneath():
 
 def test_text_that_xml_cannot_hold_is_left_out():
     assert printable("a\x00\x0bb\ud800c\ufffe\n\U0001f58c") == "abc\n\U0001f58c"
+
+
+# ------------------------------------------------------------------------------------------------------------ parts
+
+
+def groups(element, depth=0):
+    """[(depth, id, label)] of the layers in an element, and that no two ids in it are the same."""
+    found = []
+    for child in element:
+        if child.get(f"{INKSCAPE}groupmode") == "layer":
+            found += [(depth, child.get("id"), child.get(f"{INKSCAPE}label")), *groups(child, depth + 1)]
+    return found
+
+
+def in_parts(names=("cup", "handle"), texture=None):
+    """Strokes of `drawing` in parts by turns, and some in none."""
+    made = drawing(texture=texture)
+    return replace(made, parts=Parts(names, np.arange(len(made.strokes)) % (len(names) + 1) - 1))
+
+
+def test_a_group_for_every_part_in_the_layer_of_every_kind():
+    text = write_svg(in_parts())
+    root = ET.fromstring(text)
+    kinds, inner = ("valley", "crease", "contour"), ("cup", "handle")
+    expected = [
+        row
+        for kind in kinds
+        for row in ((0, f"layer-{kind}", kind), *((1, f"layer-{kind}-{part}", part) for part in inner))
+    ]
+    assert groups(root) == expected and root.get("data-ss-parts") == "cup handle"
+    for layer in root.findall(f"{SVG}g"):
+        loose = [e for e in layer if e.get("class") == "stroke"]
+        assert layer[: len(loose)] == loose and not any(e.get("data-ss-part") for e in loose)
+        for group in layer[len(loose) :]:
+            label = group.get(f"{INKSCAPE}label")
+            assert {e.get("data-ss-part") for e in group} == {label} and group.get("data-ss-class") == layer.get(
+                "class"
+            )
+    assert len([e for e in root.iter() if e.get("class") == "stroke"]) == 12
+
+
+def test_a_layer_for_every_part_and_in_it_one_for_every_kind():
+    root = ET.fromstring(write_svg(in_parts(), layers="part"))
+    kinds = ("valley", "crease", "contour")
+    loose = [(0, f"layer-{kind}", kind) for kind in kinds]
+    inner = {part: [(1, f"layer-{kind}-{part}", kind) for kind in kinds] for part in ("cup", "handle")}
+    assert groups(root) == [
+        *loose, (0, "part-cup", "cup"), *inner["cup"], (0, "part-handle", "handle"), *inner["handle"],
+    ]  # fmt: skip
+    flat = ET.fromstring(write_svg(in_parts(), layers="none"))
+    assert not groups(flat) and sum(e.get("data-ss-part") is not None for e in flat) == 8
+
+
+@pytest.mark.parametrize("layers", ["kind", "part", "none"])
+def test_what_lies_on_top_is_the_same_in_the_file_and_in_the_raster(layers):
+    made = in_parts(("near", "far"))
+    thick = replace(made.strokes, thickness=2 * made.strokes.thickness)
+    made = replace(made, strokes=thick, color=np.c_[np.eye(3)[made.parts.index], np.ones(12)])  # a colour a part
+    picture = rendered(write_svg(made, layers=layers))
+    error, other = (
+        np.abs(picture - rasterise(made, 1.0, (1, 1, 1), layers=by)).mean()
+        for by in ((layers, "kind") if layers == "part" else ("kind", "part"))
+    )
+    assert error < 0.5 and other > 4 * error
+
+
+def test_one_part_or_none_changes_nothing_but_its_attribute():
+    plain = write_svg(drawing())
+    assert "part" not in plain and plain == write_svg(drawing(), layers="kind")
+    nameless = Parts(("a",), np.full(12, -1))
+    assert write_svg(replace(drawing(), parts=nameless)) == plain
+    assert groups(ET.fromstring(write_svg(drawing(), layers="part"))) == groups(ET.fromstring(plain))
+
+
+NAMES = (
+    '"><script>alert(1)</script>',
+    "\u65e5\u672c",
+    "\u672c\u65e5",
+    "a b",
+    "a-b",
+    "A b",
+    "layer contour",
+    "ridge",
+    99 * "&",
+)
+
+
+@pytest.mark.parametrize("layers", ["kind", "part", "none"])
+@pytest.mark.parametrize("options", [{}, {"texture": "none"}, {"plotter": True}, {"inkscape_lpe": True}])
+def test_any_name_is_escaped_and_has_an_id_of_its_own(options, layers):
+    made = in_parts(NAMES, None if options else "grain")
+    text = write_svg(made, layers=layers, ids=["part-a", "layer-contour-a-b"] + [""] * 10, **options)
+    root = ET.fromstring(text)
+    ids = [e.get("id") for e in root.iter() if e.get("id")]
+    assert len(ids) == len(set(ids)) and all(re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) for name in ids)
+    assert not any(e.tag.endswith("script") for e in root.iter())
+    labels = {e.get(f"{INKSCAPE}label") for e in root.iter()} - {None}
+    if layers == "part" and options.get("plotter"):
+        labels = {re.sub(r"^\d+ ", "", label) for label in labels}
+    assert layers == "none" or set(NAMES) <= labels
+    if not options.get("plotter"):
+        assert {e.get("data-ss-part") for e in root.iter()} - {None} == set(NAMES)
+    assert text == write_svg(made, layers=layers, ids=["part-a", "layer-contour-a-b"] + [""] * 10, **options)
+
+
+def test_plain_curves_by_kind_and_part():
+    lines = [np.array([[5, y], [55, y]]) for y in (10.0, 20.0, 30.0, 40.0)]
+    seen, parts = Curves.from_list(lines, [0, 0, 4, 0]), Parts(("left ridge", "b"), [1, 0, 1, -1])
+    hidden = Curves.from_list(lines[:2], [0, 2])
+    text = plain_svg(seen, (60, 50), parts=parts, hidden=hidden, hidden_parts=parts.take([0, 1]))
+    assert groups(ET.fromstring(text)) == [
+        (0, "layer-hidden-crease", "hidden-crease"), (1, "layer-hidden-crease-left-ridge", "left ridge"),
+        (0, "layer-hidden-contour", "hidden-contour"), (1, "layer-hidden-contour-b", "b"),
+        (0, "layer-ridge", "ridge"), (1, "layer-ridge-b", "b"),
+        (0, "layer-contour", "contour"), (1, "layer-contour-left-ridge", "left ridge"), (1, "layer-contour-b", "b"),
+    ]  # fmt: skip
+    with_parts, without = rendered(text), rendered(plain_svg(seen, (60, 50), hidden=hidden))
+    assert np.array_equal(with_parts, without)
