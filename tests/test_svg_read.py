@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from svg_programs import GOLDEN, SAVES, by_hand, run, small
+from svg_programs import GOLDEN, NAMES, SAVES, by_hand, run, small, with_parts
 
 import strokestyle.svg
 from strokestyle.curves import KINDS
 from strokestyle.painting import rasterise
+from strokestyle.parts import Parts
 from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.svg import png_from_svg, read, write_svg
 from strokestyle.svg_page import SvgOptions
@@ -365,3 +366,73 @@ def test_textures_of_a_margin_of_their_own_are_kept():
     texture = Texture(drawing.texture.rgba, drawing.texture.offsets, [0.5, 1, 1.5, 2, 2.5])
     got = read(write_svg(replace(drawing, texture=texture)))
     assert got.texture.margin.tolist() == texture.margin[in_paint_order(drawing)].tolist()
+
+
+# ------------------------------------------------------------------------------------------------------------ parts
+
+
+def part_names(drawing):
+    return [drawing.parts.name(i) for i in range(len(drawing.parts))]
+
+
+@pytest.mark.parametrize("layers", ["kind", "part", "none"])
+@pytest.mark.parametrize("encoding, texture", ENCODINGS)
+def test_parts_are_written_read_and_written_the_same(encoding, texture, layers):
+    first = write_svg(with_parts(small(texture)), texture=encoding, layers=layers)
+    file = read_file(first)
+    assert file.options.layers == layers and len(file.drawing.art) == 5
+    assert file.drawing.parts.names == NAMES and sorted(part_names(file.drawing)) == sorted(["", *NAMES])
+    assert write_svg(file.drawing, file.options, ids=file.ids) == first == write_svg(file.drawing, file.options)
+    for other in ("kind", "part", "none"):  # which strokes lie how, and back
+        again = read_file(write_svg(file.drawing, file.options, ids=file.ids, layers=other))
+        assert write_svg(again.drawing, file.options, ids=again.ids) == first
+
+
+@pytest.mark.parametrize("program", SAVES)
+def test_a_save_loses_no_part(program):
+    ours, theirs = read(GOLDEN / "parts.svg"), read(GOLDEN / f"parts-{program}.svg")
+    same_as(theirs, ours)
+    assert theirs.parts.names == ours.parts.names == NAMES and part_names(theirs) == part_names(ours)
+
+
+@pytest.mark.parametrize("after", ["", "-svgo"])
+def test_strokes_keep_their_part_wherever_a_hand_puts_them(after):
+    theirs = read(GOLDEN / f"parts-moved{after}.svg")
+    assert part_names(theirs) == [NAMES[0], NAMES[2], "", "", NAMES[3]] and theirs.parts.names == (
+        *NAMES[:1],
+        *NAMES[2:],
+    )
+
+
+def test_a_stroke_from_another_file_brings_its_part():
+    text = write_svg(with_parts(small(None)))
+    stranger = '<path data-ss-path="M0 0l1 1" data-ss-class="valley" data-ss-part=" left\n ridge&#10;"/>'
+    new = '<path data-ss-path="M0 0l1 1" data-ss-part="0 new"/>'
+    drawing = read(text.replace("</svg>", stranger + new + "</svg>"))
+    assert part_names(drawing)[-2:] == ["left ridge", "0 new"] and drawing.parts.names == (*NAMES, "0 new")
+    gone = text.replace(f' data-ss-parts="{re.search("data-ss-parts=.([^ ]*)", text)[1]}', ' data-x="', 1)
+    assert set(read(gone).parts.names) == set(NAMES)
+    assert read(re.sub(' data-ss-part="[^"]*"', "", text)).parts is None
+
+
+@pytest.mark.parametrize(
+    "name, found",
+    [("x" * 2_000_000, None), ("&#x202e;&#9;a", "\u202e a"), ("&lt;/g&gt;", "</g>"), ("%00%20", "%00%20"), (" ", "")],
+)
+def test_hostile_names_of_parts_do_no_harm(name, found):
+    text = write_svg(small(None)).replace(' data-ss-class="', f' data-ss-part="{name}" data-ss-class="', 1)
+    text = text.replace(' data-ss-size="', f' data-ss-parts="%00 {"%ff " * 100_000} {name}" data-ss-size="', 1)
+    drawing = read(text)
+    got = "" if drawing.parts is None else drawing.parts.name(0)
+    assert got == found if found is not None else 0 < len(got) <= 100
+    again = write_svg(drawing)
+    assert len(again) < 20_000 and write_svg(read(again)) == again
+
+
+def test_a_change_of_part_draws_nothing_anew():
+    file = read_file(write_svg(small("grain")))
+    moved = replace(file.drawing, parts=Parts(("a",), [0] * 5))
+    text = write_svg(moved, file.options, ids=file.ids)
+    assert len(read_file(text).drawing.art) == 5
+    assert re.sub(' data-ss-part="a"', "", text).count('class="stroke" data-ss-class') == 5
+    assert [m for m in re.findall("<path.*?/>", text)] == [m for m in re.findall("<path.*?/>", write_svg(file.drawing))]
