@@ -17,14 +17,15 @@ import zlib
 
 import numpy as np
 
+from strokestyle.parts import Parts
 from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.svg import read, write_svg
 
 NUMBERS = ("nan", "inf", "-inf", "1e999", "-1", "1e308", "0", "", "1e-320", "9" * 400, "1,", ",", "0x10", "1e5", "٣")
 ATTRIBUTES = (
     "data-ss-path", "data-ss-width", "data-ss-class", "data-ss-closed", "data-ss-texture", "data-ss-margin",
-    "data-ss-at", "data-ss-size", "data-ss-page", "data-ss-options", "data-ss-format", "viewBox", "width", "height",
-    "transform", "fill", "fill-opacity", "d", "id", "style",
+    "data-ss-at", "data-ss-size", "data-ss-page", "data-ss-options", "data-ss-format", "data-ss-part", "data-ss-parts",
+    "viewBox", "width", "height", "transform", "fill", "fill-opacity", "d", "id", "style",
 )  # fmt: skip
 
 
@@ -41,7 +42,7 @@ def sample(texture: bool) -> str:
         rgba[..., :3] = [20, 30, 40]
         strips = Texture(rgba, [0, 50, 100], 1.0)
     color = np.tile(np.array([20, 30, 40, 200]) / 255, (2, 1))
-    return write_svg(Drawing(strokes, (100, 90), color, strips), title="fuzz")
+    return write_svg(Drawing(strokes, (100, 90), color, strips, Parts(("a & b", "\u65e5"), [1, 0])), title="fuzz")
 
 
 def png(width: int, height: int, body: bytes, bits: int = 4) -> bytes:

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image
-from svg_programs import small
+from svg_programs import NAMES, small, with_parts
 
 from strokestyle import edits
 from strokestyle.cli import main
 from strokestyle.curves import KINDS, arc_length
 from strokestyle.edits import Sheet, parse_edit
 from strokestyle.painting import rasterise
+from strokestyle.parts import Parts
 from strokestyle.strips import wider
 from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.svg import read, save_svg, write_svg
@@ -232,6 +233,56 @@ def test_an_edit_for_some_kinds():
     assert ratio == pytest.approx([2, 1, 1, 2, 2])
 
 
+def parts_sheet():
+    file = read_file(write_svg(with_parts(small("grain"))))
+    return Sheet(file.drawing, file.ids)
+
+
+@pytest.mark.parametrize(
+    "which, meant",
+    [
+        ("left ridge", [1]),
+        (NAMES[0], [0]),
+        (f"left ridge, {NAMES[0]} ,crease", [0, 1, 2]),
+        (NAMES[1], [3]),  # a comma in it
+        (" left   ridge,", [1]),
+        (NAMES[3], [4]),
+        (500 * "x", [4]),
+        ("contour", [3, 4]),
+    ],
+)
+def test_an_edit_for_some_parts(which, meant):
+    sheet = parts_sheet()
+    red = parse_edit("recolor", f"{which}=#ff0000")(sheet, 0).drawing
+    assert np.flatnonzero((red.color[:, :3] == [1, 0, 0]).all(axis=1)).tolist() == meant
+    left = parse_edit("drop", which)(sheet, 0)
+    assert left.ids == tuple(f"s00{i}" for i in range(5) if i not in meant)
+    assert [left.drawing.parts.name(i) for i in range(len(left.ids))] == [
+        sheet.drawing.parts.name(i) for i in range(5) if i not in meant
+    ]
+    none = parse_edit("drop", f"{which}<1")(sheet, 0)
+    assert none.ids == sheet.ids and read(write_svg(left.drawing)).parts.index.shape == (5 - len(meant),)
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_edits_keep_parts(edit):
+    drawing = with_parts(small("grain"))
+    assert edit(drawing, None).parts is drawing.parts
+
+
+def test_a_name_of_a_kind_and_a_part_is_the_kind():
+    drawing = replace(small(None), parts=Parts(("contour", "x"), [1, 0, 1, 0, 0]))
+    assert edits.named(drawing, "contour").tolist() == (drawing.strokes.kind == CONTOUR).tolist()
+    assert edits.named(drawing, "x").tolist() == [True, False, True, False, False]
+
+
+@pytest.mark.parametrize("text", ["arm=2", "arm, crease=2", " ,=2", "contours=2", "=2=2"])
+def test_a_name_that_is_none_is_told_with_those_that_are(text):
+    for sheet_of, words in ((sheet, "no named parts"), (parts_sheet, "the parts .*left ridge")):
+        with pytest.raises(ValueError, match=f"no such kind of line or part; .*contour, boundary.* {words}"):
+            parse_edit("thickness", text)(sheet_of(), 0)
+
+
 @pytest.mark.parametrize(
     "name, text, found",
     [
@@ -316,6 +367,8 @@ def test_a_preview_and_what_is_left_out(drawn, tmp_path):
         (["in.svg", "-o", "o.png"], 2, "writes .svg"),
         (["in.svg", "-o", "-", "--png"], 2, "no --png"),
         (["in.svg", "-o", "o.svg", "--thickness", "x"], 2, "takes a number"),
+        (["in.svg", "-o", "o.svg", "--thickness", "arm=2"], 1, "no such kind of line or part"),
+        (["in.svg", "-o", "o.svg", "--drop", "arm"], 1, "no such kind of line or part"),
         (["in.svg", "-o", "o.svg", "--move", "x:0:1,1"], 1, "no stroke 'x'"),
         (["in.svg", "-o", "o.svg", "--page-size", "A99"], 1, "page size"),
         (["other.svg", "-o", "o.svg"], 1, "no strokes in it"),

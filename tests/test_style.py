@@ -1,15 +1,18 @@
 """Drawing needs no torch: what it computes is what the network of the fit computes."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 import torch
 
+from strokestyle.curves import Curves
 from strokestyle.model import AdditiveNet
 from strokestyle.model_file import read_model, write_model
+from strokestyle.parts import Parts
 from strokestyle.style import FEATURES, Style, StyleConfig, SumOfCurves, load_style, save_style
 from strokestyle.texture import TextureBank
+from strokestyle.view import view_of_lines
 
 
 def test_a_sum_of_curves_is_the_network_that_was_trained():
@@ -22,6 +25,47 @@ def test_a_sum_of_curves_is_the_network_that_was_trained():
     with torch.no_grad():
         theirs = network(torch.tensor(points, dtype=torch.float32)).numpy()
     np.testing.assert_allclose(ours(points), theirs, atol=2e-5)
+
+
+def plain_style(**changes):
+    """A style that has learned next to nothing: a line a few pixels thick."""
+    count = len(FEATURES)
+    network = {name: value.numpy() for name, value in AdditiveNet(count, 8).state_dict().items()}
+    network["base"] = np.float32(1.5)
+    each = np.zeros(count)
+    return Style(StyleConfig(**changes), SumOfCurves(**network), np.zeros(8), each, each + 1, each - 9, each + 9)
+
+
+def test_strokes_keep_the_part_of_the_curves_they_are_made_of():
+    """Through joins, corners and changes of scale."""
+    t = np.linspace(0, 1, 40)[:, None]
+    lines = [
+        [20, 20] + t * [60, 0],  # joined with the next
+        [84, 20] + t * [90, 0],
+        np.concatenate([[20, 60] + t * [80, 0], [100, 61] + t * [0, 80]]),  # cut at its corner
+        [150, 60] + t * [0, 120],
+        [20, 190] + t * [2, 0],  # too short to be drawn
+    ]
+    curves = Curves.from_list(lines, [0, 0, 2, 2, 0])
+    parts = Parts(("a", "b", "c"), [0, 0, 1, -1, 2])
+    view = view_of_lines(curves, 220, 200, parts=parts)
+    drawn = plain_style(size=440).draw(view)  # two of its pixels to one
+    found = {}
+    for i in range(len(drawn.strokes)):
+        middle = drawn.strokes.xy[drawn.strokes.offsets[i] : drawn.strokes.offsets[i + 1]].mean(axis=0)
+        found.setdefault(drawn.parts.name(i), []).append(middle.round(-1).tolist())
+    assert {name: sorted(rows) for name, rows in found.items()} == {
+        "a": [[100, 20]], "b": [[60, 60], [100, 100]], "": [[150, 120]],
+    }  # fmt: skip
+    whole = plain_style(size=440).draw(replace(view, parts=None))
+    assert whole.parts is None and np.array_equal(whole.strokes.xy, drawn.strokes.xy)
+
+
+def test_a_stroke_joined_of_two_parts_is_of_the_longer():
+    curves = Curves.from_list([[20, 20] + np.linspace(0, 1, 40)[:, None] * [n, 0] for n in (60, 90)])
+    curves = Curves(curves.xy + np.repeat([[0, 0], [66, 0]], 40, axis=0), curves.offsets, [0, 0], [False, False])
+    drawn = plain_style().draw(view_of_lines(curves, 768, 200, parts=Parts(("a", "b"), [0, 1])))
+    assert len(drawn.strokes) == 1 and drawn.parts.name(0) == "b"
 
 
 def test_a_model_without_a_part_of_its_texture_is_refused(tmp_path):
