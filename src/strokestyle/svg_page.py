@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from dataclasses import dataclass, fields
-from itertools import count, groupby
+from itertools import groupby
 from urllib.parse import quote, unquote
 
 from . import __version__
@@ -240,26 +240,28 @@ def layered(
     prefix : of the names of kinds
     numbered : labels of the outer layers begin with 1, 2 ...
     """
-    slugs, content = _slugs({mark.part for mark in marks}), ""
+    slugs, content = _slugs({mark.part for mark in marks}), []
 
     def outer(mark):
         return (mark.part, "" if mark.part else mark.kind) if layers == "part" else ("", mark.kind)
 
     for n, (place, members) in enumerate(groupby(marks, outer), 1):
-        inside = ""
+        inside = []
         for (part, kind), mine in groupby(members, lambda mark: (mark.part, mark.kind)):
             markup = "".join(mark.markup for mark in mine)
             name = f"layer-{prefix}{kind}-{slugs[part]}"
             if (part, kind) == place:
-                inside += markup
+                inside.append(markup)
             elif layers == "part":
-                inside += _layer(name, kind, kind, {}, markup)
+                inside.append(_layer(name, kind, kind, {}, markup))
             else:  # its label may hold the name of another kind
-                inside += _layer(name, "part", part, {"data-ss-class": kind}, markup)
+                inside.append(_layer(name, "part", part, {"data-ss-class": kind}, markup))
         part, kind = place
-        names = (f"part-{slugs[part]}", "part", part) if part else (f"layer-{prefix}{kind}", *(prefix + kind,) * 2)
-        content += _layer(*names[:2], f"{n} {names[2]}" if numbered else names[2], style or {}, inside)
-    return content
+        name, of, label = f"part-{slugs[part]}", "part", part
+        if not part:
+            name, of, label = f"layer-{prefix}{kind}", prefix + kind, prefix + kind
+        content.append(_layer(name, of, f"{n} {label}" if numbered else label, style or {}, "".join(inside)))
+    return "".join(content)
 
 
 def _layer(name: str, of: str, label: str, more: dict[str, str], content: str) -> str:
@@ -268,14 +270,17 @@ def _layer(name: str, of: str, label: str, more: dict[str, str], content: str) -
 
 
 def _slugs(parts: set[str]) -> dict[str, str]:
-    """What ids are made of for the names of parts: each another."""
-    slugs, used = {}, set()
-    for part in sorted(parts):
+    """What ids are made of for the names of parts: each another, but for "" which has none."""
+    slugs, used, last = {"": ""}, set(), {}
+    for part in sorted(parts - {""}):
         letters = unicodedata.normalize("NFKD", part).encode("ascii", "ignore").decode()
         short = re.sub(r"[^A-Za-z0-9_.]+", "-", letters)[:40].strip("-") or "unnamed"
-        tries = (short if n == 1 else f"{short}-{n}" for n in count(1))
-        slugs[part] = next(slug for slug in tries if slug not in used)
-        used.add(slugs[part])
+        slug = short
+        while slug in used:
+            last[short] = last.get(short, 1) + 1
+            slug = f"{short}-{last[short]}"
+        slugs[part] = slug
+        used.add(slug)
     return slugs
 
 
