@@ -21,11 +21,18 @@ from strokestyle.svg import write_svg
 SECONDS = 2.0
 FLUID = 30.0  # frames a second
 
-# counts the pictures painted, and remembers how fine they were
+# counts the pictures shown, and remembers how fine they were
 COUNTER = """
 window.frames_ = [];
-const plain = window.paint;
-window.paint = (fine) => { plain(fine); frames_.push([performance.now(), fine]); };
+const count = () => frames_.push([performance.now(), shown.canvas.width / (stage.clientWidth * devicePixelRatio)]);
+for (const name of ["showCanvas", "paintPart"]) {
+  const plain = window[name];
+  window[name] = (...all) => {
+    const done = plain(...all);
+    if (done !== false) count();
+    return done;
+  };
+}
 """
 
 

@@ -15,7 +15,8 @@ from pathlib import Path
 from . import __version__
 
 FOLDER = Path(__file__).parent / "viewer"
-SCRIPTS = ("geometry.js", "paint.js", "strips.js", "outline.js", "png.js", "tones.js", "document.js", "app.js")
+PAINTER = ("geometry.js", "paint.js", "strips.js", "marks.js")  # the script of the page's workers as well
+SCRIPTS = ("outline.js", "png.js", "tones.js", "document.js", "app.js")
 
 
 def page_html(drawings: list[tuple[str, str]]) -> str:
@@ -34,12 +35,13 @@ def page_html(drawings: list[tuple[str, str]]) -> str:
     if not drawings:
         raise ValueError("a page needs at least one drawing")
     style = _text("page.css")
-    script = '"use strict";\n' + "".join(_text(name) for name in SCRIPTS)
+    painter, script = ('"use strict";\n' + "".join(map(_text, names)) for names in (PAINTER, SCRIPTS))
     parts = {
         "policy": "; ".join(
             (
                 "default-src 'none'",
-                f"script-src '{_hash(script)}'",
+                f"script-src '{_hash(painter)}' '{_hash(script)}'",
+                "worker-src blob:",
                 f"style-src '{_hash(style)}'",
                 "base-uri 'none'",
                 "form-action 'none'",
@@ -48,6 +50,7 @@ def page_html(drawings: list[tuple[str, str]]) -> str:
         "generator": f"strokestyle {__version__}",
         "title": html.escape(", ".join(name for name, _ in drawings[:3]) + (" ..." if len(drawings) > 3 else "")),
         "style": style,
+        "painter": painter,
         "script": script,
         "data": _json([{"name": name, "svg": svg} for name, svg in drawings]),
     }

@@ -1,20 +1,16 @@
 // The page: what is shown, what the hand does, and what is remembered of it.
-//
-// An edit is {thickness, wiggle, wavelength, hidden: [kind], strokes: {number: {thickness, wiggle, moves, removed}}} and
-// is never changed in place: undo goes back to an older one.
 
-const PLAIN = { thickness: 1, wiggle: 0, moves: [], removed: false };
-const UNEDITED = { thickness: 1, wiggle: 0, wavelength: 40, hidden: [], strokes: {} };
 const SETTLE = 200; // ms without a change until the picture is painted at its best
 const CROWD = 14; // px of the screen between handles that are shown
 const PART = 0.3; // of the paper: where less than this changes, only that is painted
-const BAND = 200; // rows of it painted at a time
+const BAND = 96; // rows of the picture at its best painted at a time
+const PAINTERS = 4; // at most
 const ROUGH = 0.3; // of the density of a mark whose texture is not looked at
 const FRAME = 26; // ms a frame may take before it is painted coarser
 const byId = (id) => document.getElementById(id);
 const [ink, stage] = [byId("ink"), byId("stage")];
 
-const sheets = []; // one a drawing: {name, drawing, past, edit, future, camera, marks, saved}
+const sheets = []; // one a drawing: {name, drawing, strokes, past, edit, future, camera, marks, saved}
 let current = null;
 let selected = -1; // the stroke whose handles are shown
 let hovered = -1;
@@ -22,45 +18,6 @@ let gesture = null; // the slider or drag under way: one step of undo
 let before = false;
 
 // ------------------------------------------------------------------------------------------------------------- state
-
-function strokeEdit(edit, number) {
-  return edit.strokes[number] ?? PLAIN;
-}
-
-/** Everything that a stroke's shape depends on. */
-function effective(edit, stroke) {
-  const own = strokeEdit(edit, stroke.number);
-  return {
-    thickness: edit.thickness * own.thickness,
-    wiggle: edit.wiggle + own.wiggle,
-    wavelength: edit.wavelength,
-    moves: own.moves,
-  };
-}
-
-/** The mark of a stroke under an edit, made anew where another edit was made since, or where it was made too coarse. */
-function markNow(sheet, stroke, edit, density = Infinity) {
-  const wanted = effective(edit, stroke);
-  const cached = sheet.marks[stroke.number];
-  const same =
-    cached &&
-    cached.density >= density &&
-    ["thickness", "wiggle", "moves"].every((name) => cached.wanted[name] === wanted[name]) &&
-    (!wanted.wiggle || cached.wanted.wavelength === wanted.wavelength);
-  if (same) return cached.mark;
-  const mark = markOf(stroke, wanted, density);
-  sheet.marks[stroke.number] = { wanted, mark, density };
-  return mark;
-}
-
-function visible(edit, stroke) {
-  return !strokeEdit(edit, stroke.number).removed && !edit.hidden.includes(stroke.kind);
-}
-
-function marksShown(sheet, edit, density = Infinity) {
-  const strokes = sheet.drawing.strokes.filter((stroke) => visible(edit, stroke));
-  return strokes.map((stroke) => markNow(sheet, stroke, edit, density));
-}
 
 /** Go on with another edit; those of one gesture are one step of undo. */
 function change(edit, name = null) {
@@ -91,12 +48,13 @@ function travel(from, to) {
 
 // ---------------------------------------------------------------------------------------------------------- painting
 
-let frame = 0; // the animation frame that was asked for
+let frame = 0; // the animation frame that was asked for, until it is shown
+let handling = 0; // likewise, of the handles
 let settling = 0; // the timer of the picture at its best
 let round = 0; // goes up whenever something changes, so that a picture in the making is given up
 let quality = 1;
-let image = null;
-let shown = null; // what the canvas shows: {canvas, marks, camera, size}
+let shares = []; // of the picture's height, what each painter paints
+let shown = null; // what the canvas shows: {sheet, edit, canvas, camera, size}
 
 function refresh() {
   showControls();
@@ -108,15 +66,56 @@ function repaint() {
   round++;
   clearTimeout(settling);
   settling = setTimeout(paintWell, SETTLE);
-  frame ||= requestAnimationFrame(() => {
-    const start = performance.now();
-    frame = 0;
-    if (!current) return;
-    paint(quality);
+  handling ||= requestAnimationFrame(placeHandles);
+  frame ||= requestAnimationFrame(paintSoon);
+}
+
+async function paintSoon() {
+  const [start, mine] = [performance.now(), round];
+  if (current) {
+    await paint(quality);
     const took = performance.now() - start;
     if (took > FRAME) quality = Math.max(0.4, quality * Math.max(0.7, Math.sqrt(FRAME / took)));
     else if (took < 0.6 * FRAME) quality = Math.min(1, quality * 1.1);
-  });
+  }
+  frame = mine === round ? 0 : requestAnimationFrame(paintSoon);
+}
+
+/** Those who paint: a worker for each core; where a browser lets none work, the page does it itself. */
+const painters = [];
+
+function hirePainters() {
+  const code = new Blob([byId("painter").textContent], { type: "text/javascript" });
+  const count = Math.min(navigator.hardwareConcurrency || 1, PAINTERS);
+  for (let k = 0; k < count; k++) painters.push(newPainter(code));
+  shares = painters.map(() => 1 / count);
+}
+
+/** {tell(strokes), paint(job) -> bytes}: of several jobs one after another. */
+function newPainter(code) {
+  const waiting = [];
+  const alone = ({ job, done }) => setTimeout(() => done(painted(sheets[job.sheet], job)));
+  let worker = null;
+  try {
+    worker = new Worker(URL.createObjectURL(code));
+    worker.onmessage = ({ data }) => waiting.shift().done(data);
+    worker.onerror = (event) => {
+      event.preventDefault();
+      worker = null;
+      waiting.splice(0).forEach(alone);
+    };
+  } catch {
+    // some browsers allow a page from a file no workers
+  }
+  return {
+    tell: (strokes) => worker?.postMessage({ strokes }),
+    paint: (job) =>
+      new Promise((done) => {
+        if (!worker) return alone({ job, done });
+        waiting.push({ job, done });
+        worker.postMessage({ job });
+      }),
+  };
 }
 
 function paperColor() {
@@ -141,94 +140,122 @@ function canvasAt(fine) {
   return { width, height, view, box: width > 0 && height > 0 && x1 > x0 && y1 > y0 ? box : null };
 }
 
-function showCanvas(canvas, picture, marks) {
+function editShown() {
+  return before ? UNEDITED : current.edit;
+}
+
+function sizeNow() {
+  return `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}`;
+}
+
+/** Show pictures, each {data, y0, height} of as many rows of the canvas, in place of what was there. */
+function showCanvas(next, pictures) {
+  const { canvas, camera, sheet } = next;
   const { width, height, box } = canvas;
   if (ink.width !== width || ink.height !== height) [ink.width, ink.height] = [width, height];
   const context = ink.getContext("2d");
   context.clearRect(0, 0, width, height);
-  if (box) context.putImageData(picture, box.x0, box.y0);
-  const { zoom, x, y } = current.camera;
-  const [w, h] = current.drawing.size;
-  const sides = { left: x, top: y, width: zoom * w, height: zoom * h };
+  for (const { data, y0 } of pictures) context.putImageData(new ImageData(data, box.width), box.x0, y0);
+  const [w, h] = sheet.drawing.size;
+  const sides = { left: camera.x, top: camera.y, width: camera.zoom * w, height: camera.zoom * h };
   for (const [side, value] of Object.entries(sides)) byId("paper").style[side] = `${value}px`;
-  shown = {
-    canvas,
-    marks,
-    camera: current.camera,
-    size: `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}`,
-  };
+  shown = next;
 }
 
-function marksWanted(density) {
-  return before ? marksBefore(current) : marksShown(current, current.edit, density);
+/** What is to be shown now, `fine` pixels a pixel of the screen, and a job for its painters but for rows. */
+function pictureAt(fine) {
+  const next = { sheet: current, edit: editShown(), canvas: canvasAt(fine), camera: current.camera, size: sizeNow() };
+  const { box, view } = next.canvas;
+  const job = { sheet: sheets.indexOf(current), edit: next.edit, view, paper: paperColor(), ...box };
+  return { next, job };
 }
 
 /** Paint the drawing now: only what changed if that is little, else all of it at `fine` pixels a pixel of the screen. */
-function paint(fine) {
-  const canvas = canvasAt(fine);
-  const marks = marksWanted(canvas.view.scale);
-  if (!paintPart(marks)) {
-    const { box, view } = canvas;
-    if (box) {
-      if (image?.width !== box.width || image?.height !== box.height) image = new ImageData(box.width, box.height);
-      new Uint32Array(image.data.buffer).fill(paperColor());
-      paintMarks(marks, view, image, box.x0, box.y0);
-    }
-    showCanvas(canvas, image, marks);
+async function paint(fine) {
+  if (paintPart()) return;
+  const { next, job } = pictureAt(fine);
+  const { box, view } = next.canvas;
+  let pictures = [];
+  if (box) {
+    const density = 2 ** (Math.ceil(2 * Math.log2(view.scale)) / 2); // in steps, so that marks outlast a little zoom
+    let from = 0;
+    const ends = shares.map((share) => (from += share)).map((end) => Math.round(end * box.height));
+    pictures = await Promise.all(
+      painters.map(async (painter, k) => {
+        const [top, bottom] = [k ? ends[k - 1] : 0, k < ends.length - 1 ? ends[k] : box.height];
+        if (bottom <= top) return null;
+        const start = performance.now();
+        const band = { y0: box.y0 + top, height: bottom - top };
+        const data = await painter.paint({ ...job, ...band, density });
+        return { data, ...band, pace: (performance.now() - start) / (bottom - top) };
+      }),
+    );
+    pictures = pictures.filter((picture) => picture);
+    if (current !== next.sheet) return;
+    balance(pictures);
   }
-  placeHandles();
+  showCanvas(next, pictures);
 }
 
-/** Paint where marks differ from those shown, into the picture as it is; false where that is no less work. */
-function paintPart(marks) {
-  if (shown?.camera !== current.camera || !shown.canvas.box) return false;
-  if (shown.size !== `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}`) return false;
+/** Give each painter as many rows as it would paint in the same time as the others. */
+function balance(pictures) {
+  if (pictures.length < painters.length) return;
+  const wanted = pictures.map(({ pace }, k) => Math.sqrt(shares[k] / Math.max(pace, 1e-6)));
+  const sum = wanted.reduce((total, value) => total + value, 0);
+  shares = wanted.map((value) => Math.max(value / sum, 0.02));
+}
+
+/** Paint where strokes changed since, into the picture as it is; false where that is no less work. */
+function paintPart() {
+  const edit = editShown();
+  if (shown?.camera !== current.camera || shown.sheet !== current || !shown.canvas.box) return false;
+  if (shown.size !== sizeNow()) return false;
   const { box, view } = shown.canvas;
-  const [old, now] = [new Set(shown.marks), new Set(marks)];
   let [x0, y0, x1, y1] = [Infinity, Infinity, -Infinity, -Infinity];
-  for (const mark of [...shown.marks.filter((m) => !now.has(m)), ...marks.filter((m) => !old.has(m))]) {
-    const part = boxOf(mark, view);
-    [x0, y0, x1, y1] = [Math.min(x0, part[0]), Math.min(y0, part[1]), Math.max(x1, part[2]), Math.max(y1, part[3])];
+  for (const stroke of current.strokes) {
+    const shapes = [shown.edit, edit].map((each) => visible(each, stroke) && effective(each, stroke));
+    if (!shapes[0] && !shapes[1]) continue;
+    if (shapes[0] && shapes[1] && sameShape(...shapes)) continue;
+    for (const shape of shapes.filter((each) => each)) {
+      const part = extentOf(edited(stroke, shape), stroke.margin);
+      const [left, top, right, bottom] = part.map((value, i) => view.scale * value + (i % 2 ? view.y : view.x));
+      [x0, y0] = [Math.min(x0, Math.floor(left - 1)), Math.min(y0, Math.floor(top - 1))];
+      [x1, y1] = [Math.max(x1, Math.ceil(right + 1)), Math.max(y1, Math.ceil(bottom + 1))];
+    }
+    if ((x1 - x0) * (y1 - y0) > PART * box.width * box.height) return false;
   }
   [x0, y0] = [Math.max(x0, box.x0), Math.max(y0, box.y0)];
   [x1, y1] = [Math.min(x1, box.x0 + box.width), Math.min(y1, box.y0 + box.height)];
   if (x1 > x0 && y1 > y0) {
-    if ((x1 - x0) * (y1 - y0) > PART * box.width * box.height) return false;
-    const picture = new ImageData(x1 - x0, y1 - y0);
-    new Uint32Array(picture.data.buffer).fill(paperColor());
-    paintMarks(marks, view, picture, x0, y0);
-    ink.getContext("2d").putImageData(picture, x0, y0);
+    const job = { edit, view, density: view.scale, paper: paperColor(), x0, y0, width: x1 - x0, height: y1 - y0 };
+    ink.getContext("2d").putImageData(new ImageData(painted(current, job), x1 - x0), x0, y0);
   }
-  shown.marks = marks;
+  shown.edit = edit;
   return true;
 }
 
 /** Paint the drawing with two pixels a pixel of the screen at least, a band at a time so that the hand need not wait. */
 async function paintWell() {
   const mine = round;
-  const canvas = canvasAt(Math.max(1, 2 / devicePixelRatio));
-  const { box, view } = canvas;
+  const { next, job } = pictureAt(Math.max(1, 2 / devicePixelRatio));
+  const { box } = next.canvas;
   if (!box) return;
-  const marks = marksWanted();
-  const picture = new ImageData(box.width, box.height);
-  new Uint32Array(picture.data.buffer).fill(paperColor());
-  for (let y = 0; y < box.height; y += BAND) {
-    const rows = Math.min(BAND, box.height - y);
-    const part = new Uint8ClampedArray(picture.data.buffer, 4 * y * box.width, 4 * rows * box.width);
-    paintMarks(marks, view, { data: part, width: box.width, height: rows }, box.x0, box.y0 + y);
-    await new Promise((next) => setTimeout(next));
-    if (mine !== round) return;
-  }
-  showCanvas(canvas, picture, marks);
-}
-
-function marksBefore(sheet) {
-  sheet.original ??= sheet.drawing.strokes.map((stroke) => markOf(stroke, PLAIN));
-  return sheet.original;
+  const bands = [];
+  for (let y = 0; y < box.height; y += BAND) bands.push({ y0: box.y0 + y, height: Math.min(BAND, box.height - y) });
+  const pictures = [];
+  const work = async (painter) => {
+    while (bands.length && mine === round) {
+      const band = bands.shift();
+      pictures.push({ ...band, data: await painter.paint({ ...job, ...band, density: Infinity }) });
+    }
+  };
+  await Promise.all(painters.map(work));
+  if (mine === round) showCanvas(next, pictures);
 }
 
 /** The centre line and handles of the selected stroke, or the line of the one under the mouse, over the picture. */
 function placeHandles() {
+  handling = 0;
   const number = before ? -1 : selected >= 0 ? selected : hovered;
   const spine = byId("spine");
   const handles = byId("handles");
@@ -691,10 +718,13 @@ new ResizeObserver(() => {
 // ------------------------------------------------------------------------------------------------------- beginning
 
 async function begin() {
+  hirePainters();
   for (const [i, { name, svg }] of JSON.parse(byId("data").textContent).entries()) {
     const drawing = await readDrawing(svg);
-    const sheet = { name, drawing, past: [], edit: UNEDITED, future: [], camera: null, marks: [], saved: false };
+    const { strokes } = drawing;
+    const sheet = { name, drawing, strokes, past: [], edit: UNEDITED, future: [], camera: null, marks: [], saved: false };
     sheets.push(sheet);
+    for (const painter of painters) painter.tell(strokes.map(({ element, ...stroke }) => stroke));
     const tab = document.createElement("button");
     tab.textContent = tab.title = name;
     tab.setAttribute("role", "tab");

@@ -2,7 +2,6 @@
 
 const PATH_SLACK = 0.04; // px a centre line may be off where its attribute leaves points out
 const WIDTH_SLACK = 0.004; // px likewise for widths
-const COARSE = 0.1; // px of a canvas that a ribbon may lie off while things move
 const ALPHAS = 16; // of an image of one ink
 const COLORS = 64; // of another
 const XLINK = "http://www.w3.org/1999/xlink";
@@ -18,6 +17,13 @@ async function readDrawing(text) {
   const options = new Map((root.getAttribute("data-ss-options") ?? "").split(/\s+/).map((pair) => pair.split("=")));
   const paper = xml.getElementById("paper");
   const strokes = await Promise.all(Array.from(xml.querySelectorAll("[data-ss-path]"), readStroke));
+  const ribbons = strokes.filter((stroke) => stroke.strip);
+  const columns = Math.max(...ribbons.map((stroke) => stroke.strip.columns));
+  const stout = Math.max(...ribbons.map(({ line, margin }) => Math.max(...line.width) / 2 / Math.max(margin, 1e-3)));
+  for (const stroke of ribbons) {
+    stroke.strip = wider(stroke.strip, columns);
+    stroke.stout = stout; // half width by margin, of the drawing's stoutest stroke
+  }
   const layers = strokes.map((stroke) => stroke.kind).filter((kind, i, all) => all.indexOf(kind) === i);
   const background = paper ? paper.getAttribute("fill") : null;
   return { text, xml, size, background, options, layers: layers.reverse(), strokes };
@@ -80,33 +86,6 @@ function readStrip({ width: rows, height: columns, index, levels, palette }) {
     }
   }
   return { rows, columns, alpha, data };
-}
-
-// ------------------------------------------------------------------------------------------------------------ marks
-
-/** A stroke under an edit, as a mark; as coarse as a canvas of `density` pixels a pixel of the drawing lets it be. */
-function markOf(stroke, edit, density = Infinity) {
-  const changed = edit.thickness !== 1 || edit.wiggle > 0 || edit.moves.length > 0;
-  const line = changed ? edited(stroke, edit) : stroke.line;
-  const mark = { stroke, line, color: stroke.color, strip: stroke.strip, changed };
-  if (mark.strip) {
-    if (changed) mark.strip = carried(stroke, line, Math.min(density, 1));
-    mark.band = ribbonOf(line, stroke.margin, Math.max(COARSE / density, THIN));
-  }
-  return mark;
-}
-
-/** A stroke's line with an edit made: points moved one after another, wiggle, thickness. */
-function edited(stroke, { thickness, wiggle, wavelength, moves }) {
-  let line = moves.reduce(moved, stroke.line);
-  if (wiggle > 0 && line.x.some((x, i) => x !== line.x[0] || line.y[i] !== line.y[0])) {
-    const { waves } = stroke;
-    if (waves?.moves !== moves || waves.wavelength !== wavelength) {
-      stroke.waves = { moves, wavelength, ...wavesOf(line, wavelength, stroke.number) };
-    }
-    line = wiggled(stroke.waves, wiggle);
-  }
-  return thickness === 1 ? line : { ...line, width: line.width.map((w) => w * thickness) };
 }
 
 // ---------------------------------------------------------------------------------------------------------- writing

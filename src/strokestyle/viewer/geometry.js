@@ -153,13 +153,13 @@ function halfWidths(line, margin) {
 }
 
 /** Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half width. */
-function stiffened(x, y, half, closed) {
+function stiffened(x, y, half, closed, step) {
   const along = arcLength(x, y);
   const total = along[along.length - 1];
   const sorted = half.slice().sort();
   const middle = sorted.length >> 1;
   const median = sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
-  const count = Math.max(3, Math.ceil(total / Math.max(1, Math.min(STIFFNESS * median, 3))));
+  const count = Math.max(3, Math.ceil(total / Math.max(step, Math.min(STIFFNESS * median, 3))));
   const sigma = (STIFFNESS * median * count) / total;
   const at = new Float64Array(count + 1);
   for (let i = 0; i <= count; i++) at[i] = (total * i) / count;
@@ -201,12 +201,12 @@ function smoothed(values, sigma, closed) {
 
 /**
  * The ribbon of a line: {x, y, half, along, length, closed}, run on past both ends by its half width there. Points that
- * lie within `slack` px between their neighbours are left out.
+ * lie within `slack` px between their neighbours are left out, of those `step` px apart that it is made of at first.
  */
-function ribbonOf(line, margin, slack = THIN) {
+function ribbonOf(line, margin, slack = THIN, step = 1) {
   let [x, y, half] = distinct(line.x, line.y, halfWidths(line, margin));
   const closed = line.closed && x.length > 3;
-  if (x.length > 2) [x, y, half] = stiffened(x, y, half, closed);
+  if (x.length > 2) [x, y, half] = stiffened(x, y, half, closed, step);
   if (!closed) {
     const n = x.length;
     const end = (i, j) => {

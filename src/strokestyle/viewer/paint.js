@@ -121,8 +121,8 @@ function scan(mark, view, { x0, y0, w, h }, corner, stride) {
     let fall = length > 1e-9 ? (ra - rb) / length : 0;
     let [lean, u, climb] = [0, 0, 0];
     if (strip) {
-      u = (band.along[k] / band.length) * rows - 0.5;
-      climb = ((band.along[k + 1] - band.along[k]) / band.length / length) * rows;
+      u = band.row[k];
+      climb = (band.row[k + 1] - u) / length;
       const [sharp, blunt] = [!nx[k] && !ny[k], !nx[k + 1] && !ny[k + 1]];
       if (sharp) setSide(0, -tx, -ty, reach);
       else setSide(0, -nx[k], -ny[k], 0);
@@ -234,29 +234,25 @@ function colorAt(data, rows, columns, row, v, wrap) {
   return w00 * data[i + 3] + w01 * data[j + 3] + w10 * data[k + 3] + w11 * data[l + 3];
 }
 
-/** Paint marks, first to last, over opaque pixels: `image` is an ImageData whose corner lies at (x0, y0) of the canvas. */
-function paintMarks(marks, view, image, x0 = 0, y0 = 0) {
-  const { width, height } = image;
+/** Paint a mark over opaque pixels: `image` is an ImageData that shows `clip` [x0, y0, x1, y1] of the canvas. */
+function paintMark(mark, view, image, clip) {
+  const made = pixelsOf(mark, view, clip);
+  if (!made) return;
   const data = new Uint8Array(image.data.buffer, image.data.byteOffset, image.data.length);
-  const clip = [x0, y0, x0 + width, y0 + height];
-  for (const mark of marks) {
-    const made = pixelsOf(mark, view, clip);
-    if (!made) continue;
-    const { place, a, r, g, b, ink, count } = made;
-    const [red, green, blue] = ink ? ink.map((c) => 255 * c) : [0, 0, 0];
-    for (let k = 0; k < count; k++) {
-      const at = 4 * place[k];
-      const alpha = a[k];
-      const rest = 1 - alpha;
-      if (ink) {
-        data[at] = alpha * red + rest * data[at] + 0.5;
-        data[at + 1] = alpha * green + rest * data[at + 1] + 0.5;
-        data[at + 2] = alpha * blue + rest * data[at + 2] + 0.5;
-      } else {
-        data[at] = 255 * r[k] + rest * data[at] + 0.5;
-        data[at + 1] = 255 * g[k] + rest * data[at + 1] + 0.5;
-        data[at + 2] = 255 * b[k] + rest * data[at + 2] + 0.5;
-      }
+  const { place, a, r, g, b, ink, count } = made;
+  const [red, green, blue] = ink ? ink.map((c) => 255 * c) : [0, 0, 0];
+  for (let k = 0; k < count; k++) {
+    const at = 4 * place[k];
+    const alpha = a[k];
+    const rest = 1 - alpha;
+    if (ink) {
+      data[at] = alpha * red + rest * data[at] + 0.5;
+      data[at + 1] = alpha * green + rest * data[at + 1] + 0.5;
+      data[at + 2] = alpha * blue + rest * data[at + 2] + 0.5;
+    } else {
+      data[at] = 255 * r[k] + rest * data[at] + 0.5;
+      data[at + 1] = 255 * g[k] + rest * data[at + 1] + 0.5;
+      data[at + 2] = 255 * b[k] + rest * data[at + 2] + 0.5;
     }
   }
 }

@@ -17,69 +17,111 @@ function profileOf(line, margin) {
   return { s, half, width: line.width, widest, total, caps, length: Math.max(total + caps[0] + caps[1], 1e-6) };
 }
 
+/** Strips (rows, columns) of a drawing as its reader has them: all on as many columns, bilinearly. */
+function wider({ rows, columns: a, alpha, data }, columns) {
+  const [channels, texels] = [alpha ? 1 : 4, alpha ?? data];
+  const out = new Uint8Array(channels * rows * columns);
+  for (let c = 0; c < columns; c++) {
+    const place = Math.min(Math.max(((c + 0.5) / columns) * a - 0.5, 0), a - 1);
+    const c0 = Math.min(Math.floor(place), Math.max(a - 2, 0));
+    const [c1, right] = [Math.min(c0 + 1, a - 1), place - c0];
+    for (let r = 0; r < rows; r++) {
+      for (let k = 0; k < channels; k++) {
+        const [low, high] = [texels[channels * (r * a + c0) + k], texels[channels * (r * a + c1) + k]];
+        out[channels * (r * columns + c) + k] = low + right * (high - low) + 0.5;
+      }
+    }
+  }
+  return { rows, columns, alpha: alpha && out, data: data && out };
+}
+
 /**
- * The strip of a stroke on `line`, which was made of it, with `density` times as many texels each way as will be kept.
+ * The strip of a stroke on `line`, which was made of it; `thickness` is the factor by which it became thicker.
  *
  * Along, tone and ink lie by the point where they lay; across, they are stretched with the thickness, but for the soft
- * edge beyond it. Grain keeps its own scale: where it would be stretched by more than STRETCH, it is laid anew.
+ * edge beyond it. Grain keeps its own scale: where it would be stretched by more than STRETCH, it is laid anew. With a
+ * `density` below 1 there are no more texels than that many a px.
  */
-function carried(stroke, line, density = 1) {
-  const { strip, margin } = stroke;
+function carried(stroke, line, thickness, density = 1) {
+  const { strip, margin, stout } = stroke;
   const { rows: n, columns: a } = strip;
   const { closed } = line;
   const old = (stroke.profile ??= profileOf(stroke.line, margin));
   const now = profileOf(line, margin);
-  const growth = now.widest / Math.max(old.widest, 1e-9);
+  const growth = (thickness * stout + 1) / (stout + 1); // of the drawing's ribbons, at most
   const most = growth < STRETCH ? a : Math.min(Math.ceil(a * growth), MAX_COLUMNS);
+  const few = Math.max(4, Math.ceil(2 * now.widest * density));
+  const columns = density < 1 && 1.5 * few < most ? few : most;
   const rows = Math.max(2, Math.round((density * n * now.length) / old.length));
-  const columns = Math.max(Math.min(a, most), Math.round(density * most));
   const lie = rowsCarried(stroke, line, old, now, rows);
   const along = grainRows(lie, now.length / rows / (old.length / n));
-  const grain = along && (stroke.grain ??= grainOf(strip, (GRAIN * n) / old.length, closed));
+  const grain = along && grainOf(stroke);
   const channels = strip.alpha ? 1 : 4;
   const out = new Uint8Array(channels * rows * columns);
   const [ink, tone] = [new Float32Array(channels * a), new Float32Array(a)]; // of one row
+  const middle = (a - 1) / 2;
   for (let r = 0; r < rows; r++) {
     const [ratio, half, oldHalf] = [lie.ratio[r], lie.half[r], Math.max(lie.oldHalf[r], 1e-9)];
     rowOf(ink, grain?.ink ?? strip.alpha ?? strip.data, lie.row[r], n, closed);
     if (!grain && columns === a && Math.abs(half - oldHalf) + Math.abs(ratio - 1) < SAME) {
       for (let i = 0; i < ink.length; i++) out[r * ink.length + i] = ink[i] + 0.5;
+      for (let c = 0; 2 * oldHalf * (c + 1) < a && 2 * c < a; c++) {
+        const seen = (2 * oldHalf * (c + 1)) / a;
+        for (let i = 0; i < channels; i++) {
+          for (const at of [channels * (r * a + c) + i, channels * (r * a + a - 1 - c) + i]) out[at] = seen * out[at] + 0.5;
+        }
+      }
       continue;
     }
     if (grain) rowOf(tone, grain.tone, lie.row[r], n, closed);
     const ranks = grain ? a * Math.round(mirrored(along[r], n)) : 0;
     const core = Math.max(oldHalf - margin, 0);
-    const [stretch, kept] = [Math.max(ratio, 1e-9), Math.min(Math.max(ratio, 1 / STRETCH), STRETCH)];
+    const thin = 1 / Math.max(ratio, 1e-9);
     const texels = a / (2 * oldHalf); // a px
-    for (let c = 0; c < columns; c++) {
-      const v = (2 * c + 1) / columns - 1;
-      const away = Math.abs(v) * half;
+    const kept = texels / Math.min(Math.max(ratio, 1 / STRETCH), STRETCH);
+    // from both edges to the middle, on either side alike
+    for (let c = 0; 2 * c < columns; c++) {
+      const away = (1 - (2 * c + 1) / columns) * half;
       // across: ink stretched by how much thicker the stroke became, its soft edge as wide as it was
-      const source = away <= core * ratio ? away / stretch : core + away - core * ratio;
+      const source = away <= core * ratio ? away * thin : core + away - core * ratio;
       // past the old ribbon's edge there is nothing
       const seen = lie.faint[r] * Math.min(oldHalf - source + oldHalf / a, 1);
       if (seen <= 0) continue;
-      const place = Math.min(Math.max((v < 0 ? -source : source) * texels + 0.5 * a - 0.5, 0), a - 1);
-      const c0 = Math.floor(place);
-      const [c1, right] = [c0 + 1 < a ? c0 + 1 : c0, place - c0];
-      const at = channels * (r * columns + c);
-      let fresh = -1;
-      if (grain) {
-        const beside = Math.round(mirrored(((v < 0 ? -away : away) / kept) * texels + 0.5 * a - 0.5, a));
-        fresh = grainAt(grain, tone[c0] + right * (tone[c1] - tone[c0]), grain.rank[ranks + beside]);
-      }
-      if (channels === 1) {
-        out[at] = seen * (fresh < 0 ? ink[c0] + right * (ink[c1] - ink[c0]) : fresh) + 0.5;
+      const place = Math.max(middle - source * texels, 0);
+      const low = Math.floor(place);
+      const right = place - low;
+      const high = low + 1 < a ? low + 1 : low;
+      const [left, other] = [r * columns + c, (r + 1) * columns - 1 - c];
+      if (!grain) {
+        put(out, other, channels, ink, a - 1 - low, a - 1 - high, right, seen);
+        put(out, left, channels, ink, low, high, right, seen);
         continue;
       }
-      const opacity = ink[4 * c0 + 3] + right * (ink[4 * c1 + 3] - ink[4 * c0 + 3]);
-      const most = fresh < 0 ? seen : (seen * fresh) / Math.max(opacity, 1e-6);
-      for (let i = 0; i < 4; i++) {
-        out[at + i] = most * (ink[4 * c0 + i] + right * (ink[4 * c1 + i] - ink[4 * c0 + i])) + 0.5;
-      }
+      const beside = Math.round(mirrored(middle - away * kept, a));
+      let opacity = grainAt(grain, between(tone, a - 1 - low, a - 1 - high, right), grain.rank[ranks + a - 1 - beside]);
+      regrain(out, other, channels, ink, a - 1 - low, a - 1 - high, right, seen, opacity);
+      opacity = grainAt(grain, between(tone, low, high, right), grain.rank[ranks + beside]);
+      regrain(out, left, channels, ink, low, high, right, seen, opacity);
     }
   }
   return { rows, columns, alpha: strip.alpha && out, data: strip.data && out };
+}
+
+function between(values, low, high, share) {
+  return values[low] + share * (values[high] - values[low]);
+}
+
+/** A texel of as many channels, between two of a row, made as faint as is said. */
+function put(out, at, channels, ink, low, high, share, seen) {
+  for (let i = 0; i < channels; i++) {
+    out[channels * at + i] = seen * between(ink, channels * low + i, channels * high + i, share) + 0.5;
+  }
+}
+
+/** The same, of another opacity (0 .. 255): that of its grain. */
+function regrain(out, at, channels, ink, low, high, share, seen, opacity) {
+  if (channels === 1) out[at] = seen * opacity + 0.5;
+  else put(out, at, 4, ink, low, high, share, (seen * opacity) / Math.max(between(ink, 4 * low + 3, 4 * high + 3, share), 1e-6));
 }
 
 /** A row of n rows of texels, read between two of them, into `out`. */
@@ -96,14 +138,10 @@ function rowOf(out, texels, row, n, closed) {
  * of the new width to the old one, and how `faint` the stroke became as it became a hair.
  */
 function rowsCarried(stroke, line, old, now, rows) {
-  // the same point; in a cap, the same share of it
   const u = new Float64Array(rows);
   for (let r = 0; r < rows; r++) u[r] = ((r + 0.5) / rows) * now.length - now.caps[0];
-  const [before, width, half] = interp(u, now.s, atIndex(old.s, line.was), line.width, now.half);
-  for (let r = 0; r < rows; r++) {
-    if (u[r] < 0) before[r] = (u[r] / Math.max(now.caps[0], 1e-9)) * old.caps[0];
-    else if (u[r] > now.total) before[r] = old.total + ((u[r] - now.total) / Math.max(now.caps[1], 1e-9)) * old.caps[1];
-  }
+  const before = placesBefore(u, line, old, now);
+  const [width, half] = interp(u, now.s, line.width, now.half);
   const [oldWidth, oldHalf] = interp(before, old.s, stroke.line.width, old.half);
   const [row, ratio, faint] = [new Float64Array(rows), new Float64Array(rows), new Float64Array(rows)];
   for (let r = 0; r < rows; r++) {
@@ -112,6 +150,24 @@ function rowsCarried(stroke, line, old, now, rows) {
     faint[r] = Math.min(width[r] / Math.max(Math.min(oldWidth[r], 1), 1e-6), 1);
   }
   return { row, ratio, faint, half, oldHalf, oldWidth };
+}
+
+/** Where points at arc lengths u of a line lay, in px of the line that it was: the same point; in a cap, the same share. */
+function placesBefore(u, line, old, now) {
+  const [before] = interp(u, now.s, atIndex(old.s, line.was));
+  for (let i = 0; i < u.length; i++) {
+    if (u[i] < 0) before[i] = (u[i] / Math.max(now.caps[0], 1e-9)) * old.caps[0];
+    else if (u[i] > now.total) before[i] = old.total + ((u[i] - now.total) / Math.max(now.caps[1], 1e-9)) * old.caps[1];
+  }
+  return before;
+}
+
+/** The rows of a mark's strip at the points of its ribbon, the strip being that of a stroke that was not bent. */
+function rowsOf({ stroke, line, band, strip }, thickness) {
+  const old = profileOf(thickLine(stroke, thickness), stroke.margin);
+  const now = profileOf(line, stroke.margin);
+  const u = band.along.map((at) => (at / band.length) * now.length - now.caps[0]);
+  return placesBefore(u, line, old, now).map((at) => ((at + old.caps[0]) / old.length) * strip.rows - 0.5);
 }
 
 /** Where grain that is not stretched lies along the old strip, in rows of it; null where it may be stretched as it is. */
@@ -128,15 +184,25 @@ function grainRows({ row, ratio, oldWidth }, texel) {
 }
 
 /**
- * A strip as tone, the mean opacity along the stroke, and grain, a texel's rank among those of about its tone: {tone,
- * rank, sorted: opacities by tone and rank, first, count: of each level of tone, ink: its colours, without gaps}.
+ * A stroke's strip as tone, the mean opacity along it, and grain, a texel's rank among those of about its tone: {tone, rank,
+ * sorted: opacities by tone and rank, first, count: of each level of tone, nearest: level that there is, ink: its colours,
+ * without gaps}. Made once.
  */
-function grainOf(strip, sigma, closed) {
+function grainOf(stroke) {
+  return (stroke.grain ??= grainMade(stroke));
+}
+
+function grainMade(stroke) {
+  const { strip, margin, line } = stroke;
+  const { closed } = line;
+  const old = (stroke.profile ??= profileOf(line, margin));
+  const sigma = (GRAIN * strip.rows) / old.length;
   const { rows, columns, data } = strip;
   const size = rows * columns;
-  const bytes = strip.alpha ?? data.filter((_, i) => i % 4 === 3);
+  const bytes = strip.alpha ?? channelOf(data, 3);
   const tone = spreadOut(bytes, rows, columns, sigma, 1, closed);
-  const level = Uint8Array.from(tone, (value) => Math.min(Math.floor((value * TONES) / 255), TONES - 1));
+  const level = new Uint8Array(size);
+  for (let i = 0; i < size; i++) level[i] = Math.min(Math.floor((tone[i] * TONES) / 255), TONES - 1);
   // sorted by tone, then opacity, by counting
   const place = new Int32Array(256 * TONES + 1);
   for (let i = 0; i < size; i++) place[256 * level[i] + bytes[i] + 1]++;
@@ -159,43 +225,60 @@ function grainOf(strip, sigma, closed) {
 function inkAround({ rows, columns, data }, sigma, closed) {
   const out = new Float32Array(data.length);
   for (let k = 0; k < 4; k++) {
-    const plane = data.filter((_, i) => i % 4 === k);
+    const plane = channelOf(data, k);
     const mean = plane.reduce((sum, value) => sum + value, 0) / plane.length;
-    spreadOut(plane, rows, columns, sigma, 1, closed).forEach((value, i) => (out[4 * i + k] = value + 1e-4 * mean));
+    const near = spreadOut(plane, rows, columns, sigma, 1, closed);
+    for (let i = 0; i < near.length; i++) out[4 * i + k] = near[i] + 1e-4 * mean;
   }
+  return out;
+}
+
+function channelOf(data, k) {
+  const out = new Uint8Array(data.length / 4);
+  for (let i = 0; i < out.length; i++) out[i] = data[4 * i + k];
   return out;
 }
 
 /** Texels under a Gaussian, of `along` rows and `across` columns; beyond the strip's sides there is nothing. */
 function spreadOut(values, rows, columns, along, across, closed) {
-  const kernel = (sigma) => {
-    const weights = Array.from({ length: Math.round(4 * sigma) + 1 }, (_, k) => Math.exp((-0.5 * k * k) / sigma ** 2));
-    const sum = weights.reduce((total, w, k) => total + (k ? 2 * w : w), 0);
-    return weights.map((w) => w / sum);
-  };
-  const [down, aside] = [kernel(along), kernel(across)];
-  const inside = (r) => (closed ? ((r % rows) + rows) % rows : Math.min(Math.max(r, 0), rows - 1));
-  const [half, out] = [new Float32Array(values.length), new Float32Array(values.length)];
-  for (let r = 0; r < rows; r++) {
-    for (let k = 1 - down.length; k < down.length; k++) {
-      const [from, w] = [inside(r + k) * columns, down[Math.abs(k)]];
-      for (let c = 0; c < columns; c++) half[r * columns + c] += w * values[from + c];
-    }
+  const size = values.length;
+  const [down, aside] = [gaussian(along), gaussian(across)];
+  const reach = down.length - 1;
+  const padded = new Float32Array(size + 2 * reach * columns);
+  for (let r = -reach; r < rows + reach; r++) {
+    const from = closed ? (r + rows * reach) % rows : Math.min(Math.max(r, 0), rows - 1);
+    for (let c = 0; c < columns; c++) padded[(r + reach) * columns + c] = values[from * columns + c];
+  }
+  const [half, out] = [new Float32Array(size), new Float32Array(size)];
+  for (let k = -reach; k <= reach; k++) {
+    const [weight, shift] = [down[Math.abs(k)], (k + reach) * columns];
+    for (let i = 0; i < size; i++) half[i] += weight * padded[i + shift];
   }
   for (let k = 1 - aside.length; k < aside.length; k++) {
-    const w = aside[Math.abs(k)];
+    const weight = aside[Math.abs(k)];
     for (let r = 0; r < rows; r++) {
-      for (let c = Math.max(0, -k); c < Math.min(columns, columns - k); c++) {
-        out[r * columns + c] += w * half[r * columns + c + k];
-      }
+      const end = r * columns + Math.min(columns, columns - k);
+      for (let i = r * columns + Math.max(0, -k); i < end; i++) out[i] += weight * half[i + k];
     }
   }
   return out;
 }
 
+/** Half a Gaussian's weights, from its middle. */
+function gaussian(sigma) {
+  const weights = new Float64Array(Math.floor(4 * sigma + 0.5) + 1);
+  let sum = 0;
+  for (let k = 0; k < weights.length; k++) {
+    weights[k] = Math.exp((-0.5 * k * k) / (sigma * sigma));
+    sum += k ? 2 * weights[k] : weights[k];
+  }
+  return weights.map((w) => w / sum);
+}
+
 /** A place on 0 .. n - 1, mirrored at both ends as often as it takes. */
 function mirrored(at, n) {
   const period = 2 * (n - 1) || 1;
+  if (at >= 0 && at <= n - 1) return at;
   return n - 1 - Math.abs(at - period * Math.floor(at / period) - (n - 1));
 }
 

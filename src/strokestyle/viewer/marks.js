@@ -1,0 +1,160 @@
+// Strokes under an edit, as marks to be painted; all that a painter needs to know, on the page or in a worker of its own.
+//
+// An edit is {thickness, wiggle, wavelength, hidden: [kind], strokes: {number: {thickness, wiggle, moves, removed}}} and
+// is never changed in place: undo goes back to an older one.
+
+const PLAIN = { thickness: 1, wiggle: 0, moves: [], removed: false };
+const UNEDITED = { thickness: 1, wiggle: 0, wavelength: 40, hidden: [], strokes: {} };
+const COARSE = 0.1; // px of a canvas that a ribbon may lie off while things move
+
+function strokeEdit(edit, number) {
+  return edit.strokes[number] ?? PLAIN;
+}
+
+function visible(edit, stroke) {
+  return !strokeEdit(edit, stroke.number).removed && !edit.hidden.includes(stroke.kind);
+}
+
+/** Everything that a stroke's shape depends on. */
+function effective(edit, stroke) {
+  const own = strokeEdit(edit, stroke.number);
+  const wiggle = edit.wiggle + own.wiggle;
+  return {
+    thickness: edit.thickness * own.thickness,
+    wiggle,
+    wavelength: wiggle ? edit.wavelength : 0,
+    moves: own.moves,
+  };
+  // what a first change of thickness would have to wait for is made beforehand, between jobs
+  const getReady = () => {
+    const waiting = sheets.flatMap(({ strokes }) => strokes.filter(({ strip, grain }) => strip && !grain));
+    waiting.slice(0, 8).forEach(grainOf);
+    if (waiting.length) setTimeout(getReady);
+  };
+}
+
+function sameShape(a, b) {
+  if (a.thickness !== b.thickness || a.wiggle !== b.wiggle || a.wavelength !== b.wavelength) return false;
+  return a.moves === b.moves || (!a.moves.length && !b.moves.length);
+}
+
+/** The mark of a stroke under an edit, made anew where another edit was made since, or where it was made too coarse. */
+function markNow(sheet, stroke, edit, density = Infinity) {
+  const wanted = effective(edit, stroke);
+  const cached = sheet.marks[stroke.number];
+  if (cached && cached.density >= density && sameShape(cached.wanted, wanted)) return cached.mark;
+  const mark = markOf(stroke, wanted, density);
+  sheet.marks[stroke.number] = { wanted, mark, density };
+  return mark;
+}
+
+/**
+ * A stroke under an edit, as a mark; as coarse as a canvas of `density` pixels a pixel of the drawing lets it be: then its
+ * texture is the one that its thickness alone gives it, bent along with it, and lasts as long as only the line moves.
+ */
+function markOf(stroke, wanted, density = Infinity) {
+  const line = edited(stroke, wanted);
+  const changed = line !== stroke.line;
+  const mark = { stroke, line, color: stroke.color, strip: stroke.strip, changed };
+  if (!mark.strip) return mark;
+  const coarse = density < Infinity;
+  mark.band = ribbonOf(line, stroke.margin, coarse ? Math.max(COARSE / density, THIN) : THIN, coarse ? STEP : 1);
+  if (changed && !coarse) mark.strip = carried(stroke, line, wanted.thickness);
+  else if (changed) mark.strip = thickened(stroke, wanted.thickness, Math.min(density, 1));
+  const { rows } = mark.strip;
+  if (coarse && line.was !== stroke.line.was) mark.band.row = rowsOf(mark, wanted.thickness);
+  else mark.band.row = mark.band.along.map((at) => (at / mark.band.length) * rows - 0.5);
+  return mark;
+}
+
+/** The strip of a stroke whose thickness alone changed; the last one is kept. */
+function thickened(stroke, thickness, density) {
+  if (thickness === 1) return stroke.strip;
+  const { last } = stroke;
+  if (last?.thickness === thickness && last.density >= density) return last.strip;
+  const strip = carried(stroke, thickLine(stroke, thickness), thickness, density);
+  stroke.last = { thickness, density, strip };
+  return strip;
+}
+
+function thickLine({ line }, thickness) {
+  return thickness === 1 ? line : { ...line, width: line.width.map((w) => w * thickness) };
+}
+
+/** A stroke's line with an edit made: points moved one after another, wiggle, thickness. */
+function edited(stroke, { thickness, wiggle, wavelength, moves }) {
+  let line = moves.reduce(moved, stroke.line);
+  if (wiggle > 0 && line.x.some((x, i) => x !== line.x[0] || line.y[i] !== line.y[0])) {
+    const { waves } = stroke;
+    if (waves?.moves !== moves || waves.wavelength !== wavelength) {
+      stroke.waves = { moves, wavelength, ...wavesOf(line, wavelength, stroke.number) };
+    }
+    line = wiggled(stroke.waves, wiggle);
+  }
+  return thickLine({ line }, thickness);
+}
+
+/** The part [x0, y0, x1, y1] of the drawing that a line and its soft edge may touch. */
+function extentOf({ x, y, width }, margin) {
+  let [left, top, right, bottom, widest] = [x[0], y[0], x[0], y[0], width[0]];
+  for (let i = 1; i < x.length; i++) {
+    if (x[i] < left) left = x[i];
+    if (y[i] < top) top = y[i];
+    if (x[i] > right) right = x[i];
+    if (y[i] > bottom) bottom = y[i];
+    if (width[i] > widest) widest = width[i];
+  }
+  const reach = widest / 2 + margin;
+  return [left - reach, top - reach, right + reach, bottom + reach];
+}
+
+/** Whether a stroke under an edit surely lies outside of a clip [x0, y0, x1, y1] of the canvas. */
+function outside(stroke, { thickness, wiggle, moves }, { scale, x, y }, clip) {
+  const [left, top, right, bottom] = (stroke.extent ??= extentOf(stroke.line, stroke.margin));
+  const widest = (stroke.widest ??= stroke.line.width.reduce((most, w) => Math.max(most, w), 0));
+  let far = wiggle + (Math.max(thickness - 1, 0) * widest) / 2 + 1;
+  for (const { dx, dy } of moves) far += Math.hypot(dx, dy);
+  return (
+    scale * (right + far) + x < clip[0] ||
+    scale * (bottom + far) + y < clip[1] ||
+    scale * (left - far) + x > clip[2] ||
+    scale * (top - far) + y > clip[3]
+  );
+}
+
+/** Paint a sheet's strokes under an edit over `image`, whose corner lies at (x0, y0) of the canvas. */
+function paintStrokes(sheet, edit, view, density, image, x0 = 0, y0 = 0) {
+  const clip = [x0, y0, x0 + image.width, y0 + image.height];
+  for (const stroke of sheet.strokes) {
+    if (!visible(edit, stroke) || outside(stroke, effective(edit, stroke), view, clip)) continue;
+    paintMark(markNow(sheet, stroke, edit, density), view, image, clip);
+  }
+}
+
+/** A painter's job done: {sheet: its number, edit, view, density, paper, x0, y0, width, height} -> RGBA bytes. */
+function painted(sheet, { edit, view, density, paper, x0, y0, width, height }) {
+  const data = new Uint8ClampedArray(4 * width * height);
+  new Uint32Array(data.buffer).fill(paper);
+  paintStrokes(sheet, edit, view, density, { data, width, height }, x0, y0);
+  return data;
+}
+
+// in a worker: strokes are told once, then jobs come
+if (typeof document === "undefined") {
+  const sheets = [];
+  onmessage = ({ data: { strokes, job } }) => {
+    if (strokes) {
+      sheets.push({ strokes, marks: [] });
+      setTimeout(getReady);
+    } else {
+      const data = painted(sheets[job.sheet], job);
+      postMessage(data, [data.buffer]);
+    }
+  };
+  // what a first change of thickness would have to wait for is made beforehand, between jobs
+  const getReady = () => {
+    const waiting = sheets.flatMap(({ strokes }) => strokes.filter(({ strip, grain }) => strip && !grain));
+    waiting.slice(0, 8).forEach(grainOf);
+    if (waiting.length) setTimeout(getReady);
+  };
+}
