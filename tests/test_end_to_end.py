@@ -8,6 +8,7 @@ import zipfile
 
 import numpy as np
 import pytest
+import shapes
 import trimesh
 from PIL import Image, ImageDraw
 from test_cli import refused, run
@@ -44,6 +45,21 @@ def studio(tmp_path_factory):
     assert result.exit_code == 0, result.stderr
     assert "m.pt" in result.stderr and "m.png" in result.stderr
     return folder
+
+
+def labels(text):
+    """The labels of the layers in an SVG, in their order."""
+    key = "{http://www.inkscape.org/namespaces/inkscape}label"
+    return [element.get(key) for element in ET.fromstring(text).iter() if key in element.keys()]
+
+
+def parts_of(text):
+    """{part: colours of its strokes} in an SVG."""
+    found = {}
+    for element in ET.fromstring(text).iter():
+        if element.get("class") == "stroke":
+            found.setdefault(element.get("data-ss-part"), set()).add(element.get("fill"))
+    return found
 
 
 def strokes_of(path):
@@ -278,3 +294,42 @@ def test_lines_of_a_drawing_in_a_learned_hand(studio, tmp_path):
     before, after = strokes_of(drawn), strokes_of(out)
     assert after and sum(len(widths) for _, widths in after) > 0.5 * sum(len(widths) for _, widths in before)
     assert "#00ff00" not in out.read_text()  # the ink is the model's
+
+
+def test_named_parts_from_the_mesh_to_the_edit(studio, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    parts = shapes.wheel(3)
+    (tmp_path / "wheel.obj").write_text(shapes.obj_text(parts))
+    scene = trimesh.Scene()
+    for name, shape in parts.items():
+        scene.add_geometry(trimesh.Trimesh(*shape, process=False), node_name=name)
+    scene.export(tmp_path / "wheel.glb")
+    model = ("render", studio / "m.pt")
+    options = ("--texture", "none", "--seed", "3")
+    drawn = run(*model, "wheel.obj", "-o", "-", *options, *VIEW).stdout
+    inner = [label for label in labels(drawn) if label != "contour"]
+    assert sorted(inner) == sorted(parts) and set(parts_of(drawn)) == set(parts)
+    of_scene = run(*model, "wheel.glb", "-o", "-", *options, *VIEW).stdout
+    assert set(parts_of(of_scene)) == set(parts)
+    # a saved view, and lines from another program
+    for output in ("wheel.npz", "lines.svg", "wheel.json"):
+        assert run("extract", "wheel.obj", "-o", output, *VIEW).exit_code == 0
+    saved = run(*model, "wheel.npz", "-o", "-", *options).stdout
+    assert labels(saved) == labels(drawn) and parts_of(saved) == parts_of(drawn)
+    assert set(labels((tmp_path / "lines.svg").read_text())) >= set(parts)
+    for lines in ("lines.svg", "wheel.json"):
+        foreign = run(*model, "wheel.obj", "-o", "-", "--curves", lines, *options, *VIEW).stdout
+        assert set(parts_of(foreign)) == set(parts)
+        assert set(labels(foreign)) == set(labels(drawn))  # kinds, too, come back from the groups
+    # the file turned inside out, edited and drawn in another hand
+    (tmp_path / "wheel.svg").write_text(drawn)
+    edit = ("edit", "wheel.svg", "-o", "-", "--layers", "part", "--recolor", "tire,hub=#00ff00", "--drop", "spoke 1")
+    edited = run(*edit).stdout
+    colors = parts_of(edited)
+    assert colors["tire"] == colors["hub"] == {"#00ff00"} != colors["spoke 2"] and "spoke 1" not in colors
+    assert [label for label in labels(edited) if label != "contour"] == [n for n in inner if n != "spoke 1"]
+    again = run("edit", "wheel.svg", "-o", "-", "--restyle", studio / "m.pt").stdout
+    assert set(parts_of(again)) == set(parts)
+    refused("edit", "wheel.svg", "-o", "no.svg", "--drop", "spok", words=["'spok'", "contour", "hub, spoke 1"])
+    stages = run(*model, "wheel.obj", "--stages", "figure", *VIEW)
+    assert stages.exit_code == 0 and "hub" in labels((tmp_path / "figure" / "wheel-2-displaced.svg").read_text())
