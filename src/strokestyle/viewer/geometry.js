@@ -6,28 +6,59 @@ const NARROWING = 0.25; // px a px: the most by which a ribbon's half width fall
 const THIN = 0.01; // px that a point left out of a ribbon may lie off
 const STEP = 3; // px between the points of a line that is drawn anew
 
+/** Memory for arrays that nobody keeps, used again and again: thousands of them a frame would keep the collector busy. */
+const spare = { values: new Float64Array(1 << 16), used: 0, open: false };
+
+/** What a function gives that keeps none of the arrays of `floats`. */
+function inSpare(make) {
+  [spare.used, spare.open] = [0, true];
+  try {
+    return make();
+  } finally {
+    spare.open = false;
+  }
+}
+
+/** An array of n numbers to be set. */
+function floats(n) {
+  if (!spare.open || spare.used + n > spare.values.length) return new Float64Array(n);
+  spare.used += n;
+  return spare.values.subarray(spare.used - n, spare.used);
+}
+
 /** Arc length from the first point to each. */
 function arcLength(x, y) {
-  const s = new Float64Array(x.length);
+  const s = floats(x.length);
+  let sum = 0;
+  s[0] = 0;
   for (let i = 1; i < s.length; i++) {
-    const [dx, dy] = [x[i] - x[i - 1], y[i] - y[i - 1]];
-    s[i] = s[i - 1] + Math.sqrt(dx * dx + dy * dy);
+    const dx = x[i] - x[i - 1];
+    const dy = y[i] - y[i - 1];
+    s[i] = sum += Math.sqrt(dx * dx + dy * dy);
   }
   return s;
 }
 
 /** Columns of values known at rising `along`, read at rising `at`, linearly. */
 function interp(at, along, ...columns) {
-  const last = along.length - 1;
-  const out = columns.map(() => new Float64Array(at.length));
+  const [n, last] = [at.length, along.length - 1];
+  const [place, share] = [floats(n), floats(n)];
   let k = 0;
-  for (let i = 0; i < at.length; i++) {
+  for (let i = 0; i < n; i++) {
     while (k < last - 1 && along[k + 1] <= at[i]) k++;
-    const next = last > 0 ? k + 1 : k;
-    const step = along[next] - along[k];
-    let f = step > 0 ? (at[i] - along[k]) / step : 0;
-    f = f < 0 ? 0 : f > 1 ? 1 : f;
-    for (let c = 0; c < columns.length; c++) out[c][i] = columns[c][k] + f * (columns[c][next] - columns[c][k]);
+    const step = last > 0 ? along[k + 1] - along[k] : 0;
+    const f = step > 0 ? (at[i] - along[k]) / step : 0;
+    place[i] = k;
+    share[i] = f < 0 ? 0 : f > 1 ? 1 : f;
+  }
+  const out = [];
+  for (const values of columns) {
+    const column = floats(n);
+    for (let i = 0; i < n; i++) {
+      const a = place[i];
+      column[i] = values[a] + (share[i] ? share[i] * (values[a + 1] - values[a]) : 0);
+    }
+    out.push(column);
   }
   return out;
 }
@@ -57,7 +88,7 @@ function counting(n) {
 
 /** Values of a line's points, read at points of it such as 2.5, half-way between 2 and 3. */
 function atIndex(values, points) {
-  const out = new Float64Array(points.length);
+  const out = floats(points.length);
   for (let i = 0; i < out.length; i++) {
     const k = Math.min(Math.floor(points[i]), values.length - 2);
     out[i] = values[k] + (points[i] - k) * (values[k + 1] - values[k]);
@@ -102,7 +133,7 @@ function taken(values, index) {
 
 /** Values between one put before and one put after them. */
 function framed(first, values, last) {
-  const out = new Float64Array(values.length + 2);
+  const out = floats(values.length + 2);
   out[0] = first;
   out.set(values, 1);
   out[out.length - 1] = last;
@@ -111,11 +142,12 @@ function framed(first, values, last) {
 
 /** A line without points that coincide, with its fields; of the first field the largest of each heap stays. */
 function distinct(x, y, ...fields) {
+  const apart = (i) => Math.abs(x[i] - x[i - 1]) + Math.abs(y[i] - y[i - 1]) > 1e-6;
+  let alike = 0;
+  for (let i = 1; i < x.length; i++) alike += apart(i) ? 0 : 1;
+  if (!alike) return [x, y, ...fields];
   const keep = [0];
-  for (let i = 1; i < x.length; i++) {
-    if (Math.abs(x[i] - x[i - 1]) + Math.abs(y[i] - y[i - 1]) > 1e-6) keep.push(i);
-  }
-  if (keep.length === x.length) return [x, y, ...fields];
+  for (let i = 1; i < x.length; i++) if (apart(i)) keep.push(i);
   const rest = [x, y, ...fields].map((values) => taken(values, keep));
   keep.push(x.length);
   for (let k = 0; k < rest[2].length; k++) {
@@ -124,12 +156,10 @@ function distinct(x, y, ...fields) {
   return rest;
 }
 
-/** Pixels from the centre line to v = 1 at every point: half the width, kept from narrowing abruptly, plus margin. */
-function halfWidths(line, margin) {
-  const { x, y, width, closed } = line;
+/** Pixels from a line of arc length s to v = 1 at every point: half the width, kept from narrowing abruptly, plus margin. */
+function halfWidths({ width, closed }, s, margin) {
   const n = width.length;
-  const s = arcLength(x, y);
-  const half = new Float64Array(n);
+  const half = floats(n);
   for (let i = 0; i < n; i++) half[i] = width[i] / 2;
   const rounds = closed ? 2 : 1; // what narrows across the seam is met in the second round
   const total = s[n - 1];
@@ -156,39 +186,37 @@ function halfWidths(line, margin) {
 function stiffened(x, y, half, closed, step) {
   const along = arcLength(x, y);
   const total = along[along.length - 1];
-  const sorted = half.slice().sort();
+  const sorted = floats(half.length);
+  sorted.set(half);
+  sorted.sort();
   const middle = sorted.length >> 1;
   const median = sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
   const count = Math.max(3, Math.ceil(total / Math.max(step, Math.min(STIFFNESS * median, 3))));
   const sigma = (STIFFNESS * median * count) / total;
-  const at = new Float64Array(count + 1);
+  const at = floats(count + 1);
   for (let i = 0; i <= count; i++) at[i] = (total * i) / count;
   const all = interp(at, along, x, y, half);
   for (const k of [0, 1]) all[k] = smoothed(all[k], sigma, closed);
-  const keep = [0];
-  for (let i = 1; i <= count; i++) {
-    if (Math.abs(all[0][i] - all[0][i - 1]) + Math.abs(all[1][i] - all[1][i - 1]) > 1e-6) keep.push(i);
-  }
-  return keep.length === count + 1 ? all : all.map((values) => taken(values, keep));
+  return distinct(...all);
 }
 
 /** Gaussian of `sigma` values; turned about its ends, so that these stay, or round and round where closed. */
 function smoothed(values, sigma, closed) {
   const count = values.length - 1;
   const reach = Math.min(Math.trunc(4 * sigma) + 1, count);
-  const padded = new Float64Array(count + 1 + 2 * reach);
+  const padded = floats(count + 1 + 2 * reach);
   padded.set(values, reach);
   for (let k = 1; k <= reach; k++) {
     padded[reach - k] = closed ? values[count - k] : 2 * values[0] - values[k];
     padded[reach + count + k] = closed ? values[k] : 2 * values[count] - values[count - k];
   }
-  const kernel = new Float64Array(reach + 1);
+  const kernel = floats(reach + 1);
   let weight = 0;
   for (let k = 0; k <= reach; k++) {
     kernel[k] = Math.exp((-0.5 * k * k) / (sigma * sigma));
     weight += k ? 2 * kernel[k] : kernel[k];
   }
-  const out = new Float64Array(count + 1);
+  const out = floats(count + 1);
   for (let i = 0; i <= count; i++) {
     const c = i + reach;
     let sum = kernel[0] * padded[c];
@@ -203,8 +231,8 @@ function smoothed(values, sigma, closed) {
  * The ribbon of a line: {x, y, half, along, length, closed}, run on past both ends by its half width there. Points that
  * lie within `slack` px between their neighbours are left out, of those `step` px apart that it is made of at first.
  */
-function ribbonOf(line, margin, slack = THIN, step = 1) {
-  let [x, y, half] = distinct(line.x, line.y, halfWidths(line, margin));
+function ribbonOf(line, halves, slack, step) {
+  let [x, y, half] = distinct(line.x, line.y, halves);
   const closed = line.closed && x.length > 3;
   if (x.length > 2) [x, y, half] = stiffened(x, y, half, closed, step);
   if (!closed) {
@@ -225,23 +253,30 @@ function ribbonOf(line, margin, slack = THIN, step = 1) {
 
 /** A ribbon without points that lie within `slack` px between their neighbours anyway: rounds of every other point. */
 function thinned(band, slack) {
-  const { x, y, half } = band;
-  const keep = new Uint8Array(x.length).fill(1);
-  for (const step of [1, 2, 4]) {
-    for (let i = step; i + step < x.length; i += 2 * step) {
-      const [a, b] = [i - step, i + step];
+  const { x, y, half, along, length, closed } = band;
+  const n = x.length;
+  const keep = floats(n).fill(1);
+  let count = n;
+  for (let step = 1; step <= 4; step *= 2) {
+    for (let i = step; i + step < n; i += 2 * step) {
+      const a = i - step;
+      const b = i + step;
       if (step > 1 && (keep[i - step / 2] || keep[i + step / 2])) continue;
-      const [dx, dy] = [x[b] - x[a], y[b] - y[a]];
+      const dx = x[b] - x[a];
+      const dy = y[b] - y[a];
       const off = (x[i] - x[a]) * dy - (y[i] - y[a]) * dx;
       const near = off * off <= slack * slack * (dx * dx + dy * dy);
-      if (near && Math.abs(half[i] - (half[a] + half[b]) / 2) <= slack) keep[i] = 0;
+      if (!near || Math.abs(half[i] - (half[a] + half[b]) / 2) > slack) continue;
+      keep[i] = 0;
+      count--;
     }
   }
-  const index = [];
-  for (let i = 0; i < keep.length; i++) if (keep[i]) index.push(i);
-  const out = { length: band.length, closed: band.closed };
-  for (const name of ["x", "y", "half", "along"]) out[name] = taken(band[name], index);
-  return out;
+  const kept = [x, y, half, along].map((values) => {
+    const out = new Float64Array(count);
+    for (let i = 0, k = 0; i < n; i++) if (keep[i]) out[k++] = values[i];
+    return out;
+  });
+  return { x: kept[0], y: kept[1], half: kept[2], along: kept[3], length, closed };
 }
 
 // ------------------------------------------------------------------------------------------------------------- edits
@@ -333,10 +368,13 @@ function wavesOf(line, wavelength, stroke) {
 
 /** A line that wiggles by `amplitude` px. */
 function wiggled({ line, dx, dy }, amplitude) {
-  return {
-    ...line,
-    ...shut(line.x.map((x, i) => x + amplitude * dx[i]), line.y.map((y, i) => y + amplitude * dy[i]), line.closed),
-  };
+  const n = dx.length;
+  const [x, y] = [new Float64Array(n), new Float64Array(n)];
+  for (let i = 0; i < n; i++) {
+    x[i] = line.x[i] + amplitude * dx[i];
+    y[i] = line.y[i] + amplitude * dy[i];
+  }
+  return { ...line, ...shut(x, y, line.closed) };
 }
 
 /** Indices of a line's points that serve as handles: where it bends, and never far apart. */

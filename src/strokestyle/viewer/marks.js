@@ -56,29 +56,45 @@ function markOf(stroke, wanted, density = Infinity) {
   const line = edited(stroke, wanted);
   const changed = line !== stroke.line;
   const mark = { stroke, line, color: stroke.color, strip: stroke.strip, changed };
-  if (!mark.strip) return mark;
-  const coarse = density < Infinity;
-  mark.band = ribbonOf(line, stroke.margin, coarse ? Math.max(COARSE / density, THIN) : THIN, coarse ? STEP : 1);
-  if (changed && !coarse) mark.strip = carried(stroke, line, wanted.thickness);
-  else if (changed) mark.strip = thickened(stroke, wanted.thickness, Math.min(density, 1));
-  const { rows } = mark.strip;
-  if (coarse && line.was !== stroke.line.was) mark.band.row = rowsOf(mark, wanted.thickness);
-  else mark.band.row = mark.band.along.map((at) => (at / mark.band.length) * rows - 0.5);
+  if (mark.strip) inSpare(() => dressed(mark, wanted, density));
   return mark;
+}
+
+/** Give a mark its ribbon, and the texture on it. */
+function dressed(mark, { thickness }, density) {
+  const { stroke, line, changed } = mark;
+  const now = profileOf(line, stroke.margin);
+  if (density === Infinity) {
+    mark.band = ribbonOf(line, now.half, THIN, 1);
+    if (changed) mark.strip = carried(stroke, line, now, thickness);
+  } else {
+    mark.band = ribbonOf(line, now.half, Math.max(COARSE / density, THIN), STEP);
+    if (thickness !== 1) mark.strip = thickened(stroke, thickness, Math.min(density, 1));
+    if (line.was !== stroke.line.was) {
+      const { margin } = stroke;
+      const old = thickness === 1 ? ownProfile(stroke) : profileOf(thickLine(stroke.line, thickness), margin);
+      mark.band.row = rowsOf(mark, old, now);
+    }
+  }
+  const { band, strip } = mark;
+  band.row ??= band.along.map((at) => (at / band.length) * strip.rows - 0.5);
 }
 
 /** The strip of a stroke whose thickness alone changed; the last one is kept. */
 function thickened(stroke, thickness, density) {
-  if (thickness === 1) return stroke.strip;
   const { last } = stroke;
   if (last?.thickness === thickness && last.density >= density) return last.strip;
-  const strip = carried(stroke, thickLine(stroke, thickness), thickness, density);
+  const line = thickLine(stroke.line, thickness);
+  const strip = carried(stroke, line, profileOf(line, stroke.margin), thickness, density);
   stroke.last = { thickness, density, strip };
   return strip;
 }
 
-function thickLine({ line }, thickness) {
-  return thickness === 1 ? line : { ...line, width: line.width.map((w) => w * thickness) };
+function thickLine(line, thickness) {
+  if (thickness === 1) return line;
+  const width = new Float64Array(line.width.length);
+  for (let i = 0; i < width.length; i++) width[i] = thickness * line.width[i];
+  return { ...line, width };
 }
 
 /** A stroke's line with an edit made: points moved one after another, wiggle, thickness. */
@@ -91,7 +107,7 @@ function edited(stroke, { thickness, wiggle, wavelength, moves }) {
     }
     line = wiggled(stroke.waves, wiggle);
   }
-  return thickLine({ line }, thickness);
+  return thickLine(line, thickness);
 }
 
 /** The part [x0, y0, x1, y1] of the drawing that a line and its soft edge may touch. */

@@ -33,8 +33,8 @@ function prepared(mark) {
   const { x, y, closed } = mark.strip ? mark.band : mark.line;
   const radius = mark.strip ? mark.band.half : mark.line.width.map((w) => w / 2);
   const n = x.length - 1;
-  const [tx, ty, length] = [new Float64Array(n), new Float64Array(n), new Float64Array(n)];
-  const [nx, ny] = [new Float64Array(n + 1), new Float64Array(n + 1)];
+  const room = new Float64Array(5 * (n + 1)); // one array is sooner had than five
+  const [tx, ty, length, nx, ny] = [0, 1, 2, 3, 4].map((k) => room.subarray(k * (n + 1), (k + 1) * (n + 1)));
   let [left, top, right, bottom, widest] = [x[0], y[0], x[0], y[0], radius[0]];
   for (let k = 0; k < n; k++) {
     const [dx, dy] = [x[k + 1] - x[k], y[k + 1] - y[k]];
@@ -112,9 +112,9 @@ function scan(mark, view, { x0, y0, w, h }, corner, stride) {
   const texels = strip ? (strip.alpha ?? strip.data) : null;
   const [rows, columns] = strip ? [strip.rows, strip.columns] : [0, 0];
   let count = 0;
-  for (let k = 0; k < lengths.length; k++) {
+  for (let k = 0; k < x.length - 1; k++) {
     const length = scale * lengths[k];
-    if (length < 1e-6 && (strip || lengths.length > 1)) continue;
+    if (length < 1e-6 && (strip || x.length > 2)) continue;
     const [tx, ty] = [txs[k], tys[k]];
     const [ra, rb] = [scale * radius[k], scale * radius[k + 1]];
     let reach = Math.max(ra, rb);

@@ -9,12 +9,21 @@ const SAME = 0.01; // px of half width: less is no change
 /** Arc length, half width of the ribbon and width at the points of a line. */
 function profileOf(line, margin) {
   const s = arcLength(line.x, line.y);
-  const half = halfWidths(line, margin);
+  const half = halfWidths(line, s, margin);
   let widest = 0;
   for (const h of half) if (h > widest) widest = h;
   const total = s[s.length - 1];
   const caps = line.closed ? [0, 0] : [half[0], half[half.length - 1]];
   return { s, half, width: line.width, widest, total, caps, length: Math.max(total + caps[0] + caps[1], 1e-6) };
+}
+
+/** The profile of a stroke's own line, kept. */
+function ownProfile(stroke) {
+  if (!stroke.profile) {
+    const { s, half, ...rest } = profileOf(stroke.line, stroke.margin);
+    stroke.profile = { ...rest, s: s.slice(), half: half.slice() };
+  }
+  return stroke.profile;
 }
 
 /** Strips (rows, columns) of a drawing as its reader has them: all on as many columns, bilinearly. */
@@ -36,18 +45,17 @@ function wider({ rows, columns: a, alpha, data }, columns) {
 }
 
 /**
- * The strip of a stroke on `line`, which was made of it; `thickness` is the factor by which it became thicker.
+ * The strip of a stroke on `line`, which was made of it, of the profile `now`; `thickness` is the factor by which it grew.
  *
  * Along, tone and ink lie by the point where they lay; across, they are stretched with the thickness, but for the soft
  * edge beyond it. Grain keeps its own scale: where it would be stretched by more than STRETCH, it is laid anew. With a
  * `density` below 1 there are no more texels than that many a px.
  */
-function carried(stroke, line, thickness, density = 1) {
+function carried(stroke, line, now, thickness, density = 1) {
   const { strip, margin, stout } = stroke;
   const { rows: n, columns: a } = strip;
   const { closed } = line;
-  const old = (stroke.profile ??= profileOf(stroke.line, margin));
-  const now = profileOf(line, margin);
+  const old = ownProfile(stroke);
   const growth = (thickness * stout + 1) / (stout + 1); // of the drawing's ribbons, at most
   const most = growth < STRETCH ? a : Math.min(Math.ceil(a * growth), MAX_COLUMNS);
   const few = Math.max(4, Math.ceil(2 * now.widest * density));
@@ -138,12 +146,12 @@ function rowOf(out, texels, row, n, closed) {
  * of the new width to the old one, and how `faint` the stroke became as it became a hair.
  */
 function rowsCarried(stroke, line, old, now, rows) {
-  const u = new Float64Array(rows);
+  const u = floats(rows);
   for (let r = 0; r < rows; r++) u[r] = ((r + 0.5) / rows) * now.length - now.caps[0];
   const before = placesBefore(u, line, old, now);
   const [width, half] = interp(u, now.s, line.width, now.half);
   const [oldWidth, oldHalf] = interp(before, old.s, stroke.line.width, old.half);
-  const [row, ratio, faint] = [new Float64Array(rows), new Float64Array(rows), new Float64Array(rows)];
+  const [row, ratio, faint] = [floats(rows), floats(rows), floats(rows)];
   for (let r = 0; r < rows; r++) {
     row[r] = ((before[r] + old.caps[0]) / old.length) * stroke.strip.rows - 0.5;
     ratio[r] = oldWidth[r] > 1e-6 ? width[r] / oldWidth[r] : 1;
@@ -163,24 +171,32 @@ function placesBefore(u, line, old, now) {
 }
 
 /** The rows of a mark's strip at the points of its ribbon, the strip being that of a stroke that was not bent. */
-function rowsOf({ stroke, line, band, strip }, thickness) {
-  const old = profileOf(thickLine(stroke, thickness), stroke.margin);
-  const now = profileOf(line, stroke.margin);
-  const u = band.along.map((at) => (at / band.length) * now.length - now.caps[0]);
-  return placesBefore(u, line, old, now).map((at) => ((at + old.caps[0]) / old.length) * strip.rows - 0.5);
+function rowsOf({ line, band, strip }, old, now) {
+  const u = floats(band.along.length);
+  for (let i = 0; i < u.length; i++) u[i] = (band.along[i] / band.length) * now.length - now.caps[0];
+  const before = placesBefore(u, line, old, now);
+  const row = new Float64Array(u.length);
+  for (let i = 0; i < u.length; i++) row[i] = ((before[i] + old.caps[0]) / old.length) * strip.rows - 0.5;
+  return row;
 }
 
 /** Where grain that is not stretched lies along the old strip, in rows of it; null where it may be stretched as it is. */
 function grainRows({ row, ratio, oldWidth }, texel) {
   const rows = row.length;
-  const rate = row.map((_, r) => {
-    const [a, b] = [Math.max(r - 1, 0), Math.min(r + 1, rows - 1)];
-    return rows > 2 ? (row[b] - row[a]) / (b - a) / texel : 1;
-  });
-  const little = (k) => k >= 1 / STRETCH && k <= STRETCH;
-  if (rate.every(little) && ratio.every((k, r) => oldWidth[r] <= 0.5 || little(k))) return null;
-  let sum = 0;
-  return rate.map((k) => (sum += Math.min(Math.max(k, 1 / STRETCH), STRETCH) * texel));
+  const along = floats(rows);
+  let [sum, stretched] = [0, false];
+  for (let r = 0; r < rows; r++) {
+    const a = r > 0 ? r - 1 : 0;
+    const b = r < rows - 1 ? r + 1 : r;
+    const rate = rows > 2 ? (row[b] - row[a]) / (b - a) / texel : 1;
+    stretched ||= much(rate) || (oldWidth[r] > 0.5 && much(ratio[r]));
+    along[r] = sum += Math.min(Math.max(rate, 1 / STRETCH), STRETCH) * texel;
+  }
+  return stretched ? along : null;
+}
+
+function much(factor) {
+  return factor < 1 / STRETCH || factor > STRETCH;
 }
 
 /**
@@ -193,10 +209,9 @@ function grainOf(stroke) {
 }
 
 function grainMade(stroke) {
-  const { strip, margin, line } = stroke;
-  const { closed } = line;
-  const old = (stroke.profile ??= profileOf(line, margin));
-  const sigma = (GRAIN * strip.rows) / old.length;
+  const { strip } = stroke;
+  const { closed } = stroke.line;
+  const sigma = (GRAIN * strip.rows) / ownProfile(stroke).length;
   const { rows, columns, data } = strip;
   const size = rows * columns;
   const bytes = strip.alpha ?? channelOf(data, 3);
