@@ -27,13 +27,22 @@ def test_a_sum_of_curves_is_the_network_that_was_trained():
     np.testing.assert_allclose(ours(points), theirs, atol=2e-5)
 
 
-def plain_style(**changes):
-    """A style that has learned next to nothing: a line a few pixels thick."""
-    count = len(FEATURES)
-    network = {name: value.numpy() for name, value in AdditiveNet(count, 8).state_dict().items()}
-    network["base"] = np.float32(1.5)
-    each = np.zeros(count)
-    return Style(StyleConfig(**changes), SumOfCurves(**network), np.zeros(8), each, each + 1, each - 9, each + 9)
+def plain_style(size=768, thin_above=False):
+    """A style that has learned next to nothing: a line a few pixels thick, or one that fades towards the top."""
+    count, each = len(FEATURES), np.zeros(len(FEATURES))
+    line = np.where(np.array(FEATURES) == "height", 6.0 * thin_above, 0.0)
+    none = np.zeros((count, 1))
+    network = SumOfCurves(none, none, none, line, np.float32(-3.0 if thin_above else 1.5))
+    return Style(StyleConfig(size), network, np.zeros(8), each, each + 1, each - 9, each + 9)
+
+
+def middles(drawing):
+    """{part: where the middles of its strokes lie, to 10 px}"""
+    found = {}
+    for i, (a, b) in enumerate(zip(drawing.strokes.offsets[:-1], drawing.strokes.offsets[1:], strict=True)):
+        place = drawing.strokes.xy[a:b].mean(axis=0).round(-1).tolist()
+        found.setdefault(drawing.parts.name(i), []).append(place)
+    return {name: sorted(rows) for name, rows in found.items()}
 
 
 def test_strokes_keep_the_part_of_the_curves_they_are_made_of():
@@ -49,15 +58,11 @@ def test_strokes_keep_the_part_of_the_curves_they_are_made_of():
     curves = Curves.from_list(lines, [0, 0, 2, 2, 0])
     parts = Parts(("a", "b", "c"), [0, 0, 1, -1, 2])
     view = view_of_lines(curves, 220, 200, parts=parts)
-    drawn = plain_style(size=440).draw(view)  # two of its pixels to one
-    found = {}
-    for i in range(len(drawn.strokes)):
-        middle = drawn.strokes.xy[drawn.strokes.offsets[i] : drawn.strokes.offsets[i + 1]].mean(axis=0)
-        found.setdefault(drawn.parts.name(i), []).append(middle.round(-1).tolist())
-    assert {name: sorted(rows) for name, rows in found.items()} == {
-        "a": [[100, 20]], "b": [[60, 60], [100, 100]], "": [[150, 120]],
-    }  # fmt: skip
-    whole = plain_style(size=440).draw(replace(view, parts=None))
+    drawn = plain_style(440).draw(view)  # two of its pixels to one
+    assert middles(drawn) == {"a": [[100, 20]], "b": [[60, 60], [100, 100]], "": [[150, 120]]}
+    faded = middles(plain_style(440, thin_above=True).draw(view))  # strokes that are too thin are left out
+    assert {name: [x for x, _ in rows] for name, rows in faded.items()} == {"b": [100], "": [150]}
+    whole = plain_style(440).draw(replace(view, parts=None))
     assert whole.parts is None and np.array_equal(whole.strokes.xy, drawn.strokes.xy)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from strokestyle.curve_files import load_curves
 from strokestyle.curves import KINDS, Curves
 from strokestyle.painting import rasterise
 from strokestyle.parts import Parts
@@ -336,13 +337,14 @@ NAMES = (
     "ridge",
     99 * "&",
 )
+CLASHING = ["part-a-b", "layer-contour-a-b", "layer-valley-ridge"] + [""] * 9  # ids of strokes
 
 
 @pytest.mark.parametrize("layers", ["kind", "part", "none"])
 @pytest.mark.parametrize("options", [{}, {"texture": "none"}, {"plotter": True}, {"inkscape_lpe": True}])
 def test_any_name_is_escaped_and_has_an_id_of_its_own(options, layers):
     made = in_parts(NAMES, None if options else "grain")
-    text = write_svg(made, layers=layers, ids=["part-a", "layer-contour-a-b"] + [""] * 10, **options)
+    text = write_svg(made, layers=layers, ids=CLASHING, **options)
     root = ET.fromstring(text)
     ids = [e.get("id") for e in root.iter() if e.get("id")]
     assert len(ids) == len(set(ids)) and all(re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) for name in ids)
@@ -353,10 +355,10 @@ def test_any_name_is_escaped_and_has_an_id_of_its_own(options, layers):
     assert layers == "none" or set(NAMES) <= labels
     if not options.get("plotter"):
         assert {e.get("data-ss-part") for e in root.iter()} - {None} == set(NAMES)
-    assert text == write_svg(made, layers=layers, ids=["part-a", "layer-contour-a-b"] + [""] * 10, **options)
+    assert text == write_svg(made, layers=layers, ids=CLASHING, **options)
 
 
-def test_plain_curves_by_kind_and_part():
+def test_plain_curves_by_kind_and_part(tmp_path):
     lines = [np.array([[5, y], [55, y]]) for y in (10.0, 20.0, 30.0, 40.0)]
     seen, parts = Curves.from_list(lines, [0, 0, 4, 0]), Parts(("left ridge", "b"), [1, 0, 1, -1])
     hidden = Curves.from_list(lines[:2], [0, 2])
@@ -369,3 +371,5 @@ def test_plain_curves_by_kind_and_part():
     ]  # fmt: skip
     with_parts, without = rendered(text), rendered(plain_svg(seen, (60, 50), hidden=hidden))
     assert np.array_equal(with_parts, without)
+    (tmp_path / "lines.svg").write_text(text)  # what they are is said by the kind's layer, not by the part's name
+    assert sorted(load_curves(tmp_path / "lines.svg", (60, 50)).kind) == [0, 0, 0, 4]

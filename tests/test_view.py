@@ -23,6 +23,7 @@ from strokestyle.view import (
     PAPER_MAPS,
     FeatureMaps,
     View,
+    _faces_at,
     clip,
     extract,
     feature_maps,
@@ -593,6 +594,16 @@ def test_curves_of_its_own_and_from_elsewhere_are_of_the_same_parts(wheel_view):
     assert shifted.name(0) == "" and [shifted.name(i + 1) for i in range(len(ours))] == [
         ours.name(i) for i in range(len(ours))
     ]
+
+
+def test_a_point_lies_on_the_face_of_the_nearest_line_of_its_kind():
+    surface = wheel_surface()
+    line = [[10, 10], [40, 10]]
+    fragments = Curves.from_list([line, np.add(line, [0, 2]), np.add(line, [0, 20])], [0, 2, 2])
+    curves = Curves.from_list([np.add(line, [0, 1.9]), np.add(line, [0, 0.1]), np.add(line, [0, 19])], [0, 2, 2])
+    face = _faces_at(surface, curves, fragments, np.repeat([7, 8, 9], 2))
+    assert face.tolist() == [7, 7, 8, 8, 9, 9]
+    assert _faces_at(surface, curves, Curves.empty(), np.zeros(0, int)).tolist() == [-1] * 6
 
 
 def test_nearer_parts_are_painted_later():

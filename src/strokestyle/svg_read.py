@@ -49,8 +49,7 @@ from .svg_syntax import (
 MAX_STROKES = 20_000
 MAX_TEXELS = 16_000_000  # of a drawing
 MAX_PATH = 1_000_000  # characters of a centre line, or of its widths
-MAX_PART = 1_000  # characters of a part's name that are looked at
-MAX_PARTS = 1_000_000  # and of the list of parts
+MAX_PARTS = 1_000_000  # characters of the list of parts that are looked at
 MAX_PLACE = 1e6  # px from the canvas's origin, and the largest canvas
 CHORD = 0.05  # px between a curved centre line and its chords
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
@@ -390,7 +389,7 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, texels: int 
         art = _art(data, found)
     kind, part = (
         KINDS.index("other") if kind is None else kind,
-        part_name(attributes.get("data-ss-part", "")[:MAX_PART]),
+        part_name(attributes.get("data-ss-part", "")),
     )
     line = _Line(xy, width, closed, kind, color, strip, margin, part, art)
     home = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), state.matrix)
