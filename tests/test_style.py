@@ -66,11 +66,15 @@ def test_strokes_keep_the_part_of_the_curves_they_are_made_of():
     assert whole.parts is None and np.array_equal(whole.strokes.xy, drawn.strokes.xy)
 
 
-def test_a_stroke_joined_of_two_parts_is_of_the_longer():
-    curves = Curves.from_list([[20, 20] + np.linspace(0, 1, 40)[:, None] * [n, 0] for n in (60, 90)])
-    curves = Curves(curves.xy + np.repeat([[0, 0], [66, 0]], 40, axis=0), curves.offsets, [0, 0], [False, False])
-    drawn = plain_style().draw(view_of_lines(curves, 768, 200, parts=Parts(("a", "b"), [0, 1])))
+def test_a_curve_of_two_parts_is_of_the_longer_and_two_curves_of_two_parts_are_not_joined():
+    curves = Curves.from_list([[20, 20] + np.linspace(0, 1, 40)[:, None] * [150, 0]], [0])
+    view = view_of_lines(curves, 768, 200)
+    view = replace(view, parts=Parts(("a", "b"), view.curves.xy[:, 0] > 80))
+    drawn = plain_style().draw(view)
     assert len(drawn.strokes) == 1 and drawn.parts.name(0) == "b"
+    two = Curves.from_list([[x, 20] + np.linspace(0, 1, 40)[:, None] * [60, 0] for x in (20, 84)], [0, 0])
+    for parts, count in ((Parts(("a", "b"), [0, 1]), 2), (Parts(("a", "b"), [1, 1]), 1), (None, 1)):
+        assert len(plain_style().draw(view_of_lines(two, 768, 200, parts=parts)).strokes) == count
 
 
 def test_a_model_without_a_part_of_its_texture_is_refused(tmp_path):

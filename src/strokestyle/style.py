@@ -167,7 +167,8 @@ def plan(view: View, config: StyleConfig, scale: float = 1.0) -> Planned:
     curves = view.curves
     if scale != 1.0:
         curves = Curves(curves.xy / scale, curves.offsets, curves.kind, curves.closed)
-    return plan_strokes(curves, config.spacing, config.join, config.corner, config.extend)
+    part = None if view.parts is None else view.curve_parts.index
+    return plan_strokes(curves, config.spacing, config.join, config.corner, config.extend, part=part)
 
 
 def point_features(planned: Planned, surface: np.ndarray, config: StyleConfig) -> np.ndarray:
