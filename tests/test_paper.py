@@ -13,6 +13,7 @@ from strokestyle.exemplar import separate
 from strokestyle.fit import PRESETS, fit
 from strokestyle.painting import rasterise
 from strokestyle.paper import PaperStyle, curve_features, look_up, outside_white
+from strokestyle.parts import Parts
 from strokestyle.strokes import Drawing, Strokes
 from strokestyle.style import load_style, save_style
 from strokestyle.view import NORMAL_MAPS, PAPER_MAPS, FeatureMaps, View, plain_raster
@@ -127,6 +128,8 @@ def test_a_few_steps_from_drawing_to_file_and_back(tmp_path):
     assert np.array_equal(drawing.texture.rgba, again.texture.rgba)
     other = fit(view, a_drawing(view), TINY, seed=5, device="cpu").draw(view)
     assert not np.array_equal(drawing.strokes.xy, other.strokes.xy)
+    named = styles[0].draw(replace(view, parts=Parts(("a", "b"), np.repeat([1, 0], 26))))
+    assert drawing.parts is None and [named.parts.name(i) for i in (0, 1)] == ["b", "a"]
 
 
 def test_geometry_learns_the_thickness():
