@@ -319,7 +319,8 @@ def test_the_slider_scales_the_widths_and_nothing_else(opened):
     browser.drag((x, y), (x + 40, y))
     factor = browser.run("current.edit.thickness")
     assert factor > 1.3
-    assert browser.run("document.querySelector('#thickness').previousElementSibling.textContent") == f"× {factor:.2f}"
+    label = "document.querySelector('#thickness').previousElementSibling.textContent"
+    browser.wait_for(f"{label} === '× {factor:.2f}'")
     now, was = by_kind(read(saved(browser))), by_kind(read(write_svg(drawing())))
     for kind, (xy, thickness) in was.items():
         assert far(now[kind][0], xy).max() < 0.08

@@ -53,11 +53,14 @@ let handling = 0; // likewise, of the handles
 let settling = 0; // the timer of the picture at its best
 let round = 0; // goes up whenever something changes, so that a picture in the making is given up
 let quality = 1;
+let painting = false; // a frame is in the making: while a hand drags, controls change no oftener than the picture
+let stale = false; // they will have to
 let shares = []; // of the picture's height, what each painter paints
 let shown = null; // what the canvas shows: {sheet, edit, canvas, camera, size}
 
 function refresh() {
-  showControls();
+  if (painting && gesture) stale = true;
+  else showControls();
   repaint();
 }
 
@@ -73,7 +76,10 @@ function repaint() {
 async function paintSoon() {
   const [start, mine] = [performance.now(), round];
   if (current) {
+    painting = true;
     await paint(quality);
+    painting = false;
+    if (stale) showControls();
     const took = performance.now() - start;
     if (took > FRAME) quality = Math.max(0.4, quality * Math.max(0.7, Math.sqrt(FRAME / took)));
     else if (took < 0.6 * FRAME) quality = Math.min(1, quality * 1.1);
@@ -608,6 +614,7 @@ function showBefore(on) {
 
 /** Bring every control in line with the edit. */
 function showControls() {
+  stale = false;
   const { edit, past, future, camera, drawing } = current;
   const stroke = selected >= 0 ? drawing.strokes[selected] : null;
   for (const id of ["thickness", "wiggle", "wavelength", "one-thickness", "one-wiggle"]) {

@@ -25,12 +25,6 @@ function effective(edit, stroke) {
     wavelength: wiggle ? edit.wavelength : 0,
     moves: own.moves,
   };
-  // what a first change of thickness would have to wait for is made beforehand, between jobs
-  const getReady = () => {
-    const waiting = sheets.flatMap(({ strokes }) => strokes.filter(({ strip, grain }) => strip && !grain));
-    waiting.slice(0, 8).forEach(grainOf);
-    if (waiting.length) setTimeout(getReady);
-  };
 }
 
 function sameShape(a, b) {
@@ -66,10 +60,10 @@ function dressed(mark, { thickness }, density) {
   const now = profileOf(line, stroke.margin);
   if (density === Infinity) {
     mark.band = ribbonOf(line, now.half, THIN, 1);
-    if (changed) mark.strip = carried(stroke, line, now, thickness);
+    if (changed) mark.strip = carried(stroke, line, now, thickness, density);
   } else {
     mark.band = ribbonOf(line, now.half, Math.max(COARSE / density, THIN), STEP);
-    if (thickness !== 1) mark.strip = thickened(stroke, thickness, Math.min(density, 1));
+    if (thickness !== 1) mark.strip = thickened(stroke, thickness, density);
     if (line.was !== stroke.line.was) {
       const { margin } = stroke;
       const old = thickness === 1 ? ownProfile(stroke) : profileOf(thickLine(stroke.line, thickness), margin);
@@ -167,10 +161,17 @@ if (typeof document === "undefined") {
       postMessage(data, [data.buffer]);
     }
   };
-  // what a first change of thickness would have to wait for is made beforehand, between jobs
+  // the first change shall not have to wait for what can be made beforehand, nor for the compiler: between jobs, all
+  // strokes are looked at and painted once
   const getReady = () => {
-    const waiting = sheets.flatMap(({ strokes }) => strokes.filter(({ strip, grain }) => strip && !grain));
-    waiting.slice(0, 8).forEach(grainOf);
+    const waiting = sheets.flatMap(({ strokes }) => strokes.filter(({ ready }) => !ready));
+    for (const stroke of waiting.slice(0, 4)) {
+      stroke.ready = true;
+      if (stroke.strip) grainOf(stroke);
+      const image = { data: new Uint8ClampedArray(4 * 256 * 256), width: 256, height: 256 };
+      const wanted = { thickness: 1.5, wiggle: 2, wavelength: 40, moves: [] };
+      paintMark(markOf(stroke, wanted, 0.7), { scale: 0.5, x: 0, y: 0 }, image, [0, 0, 256, 256]);
+    }
     if (waiting.length) setTimeout(getReady);
   };
 }

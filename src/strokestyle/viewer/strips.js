@@ -48,10 +48,11 @@ function wider({ rows, columns: a, alpha, data }, columns) {
  * The strip of a stroke on `line`, which was made of it, of the profile `now`; `thickness` is the factor by which it grew.
  *
  * Along, tone and ink lie by the point where they lay; across, they are stretched with the thickness, but for the soft
- * edge beyond it. Grain keeps its own scale: where it would be stretched by more than STRETCH, it is laid anew. With a
- * `density` below 1 there are no more texels than that many a px.
+ * edge beyond it. Grain keeps its own scale: where it would be stretched by more than STRETCH, it is laid anew. There are
+ * no more texels than about `density` a px; as long as it is not Infinity, grain that nobody had time to look at yet may be
+ * stretched.
  */
-function carried(stroke, line, now, thickness, density = 1) {
+function carried(stroke, line, now, thickness, density) {
   const { strip, margin, stout } = stroke;
   const { rows: n, columns: a } = strip;
   const { closed } = line;
@@ -59,11 +60,11 @@ function carried(stroke, line, now, thickness, density = 1) {
   const growth = (thickness * stout + 1) / (stout + 1); // of the drawing's ribbons, at most
   const most = growth < STRETCH ? a : Math.min(Math.ceil(a * growth), MAX_COLUMNS);
   const few = Math.max(4, Math.ceil(2 * now.widest * density));
-  const columns = density < 1 && 1.5 * few < most ? few : most;
-  const rows = Math.max(2, Math.round((density * n * now.length) / old.length));
+  const columns = 1.5 * few < most ? few : most;
+  const rows = Math.max(2, Math.round((Math.min(density, 1) * n * now.length) / old.length));
   const lie = rowsCarried(stroke, line, old, now, rows);
   const along = grainRows(lie, now.length / rows / (old.length / n));
-  const grain = along && grainOf(stroke);
+  const grain = along && (density < Infinity ? stroke.grain : grainOf(stroke));
   const channels = strip.alpha ? 1 : 4;
   const out = new Uint8Array(channels * rows * columns);
   const [ink, tone] = [new Float32Array(channels * a), new Float32Array(a)]; // of one row
