@@ -4,7 +4,7 @@
 
 A mouse drags sliders and a stroke's point and turns the wheel for two seconds each, at 1280 x 800; a frame counts when
 its picture is shown; pixels a pixel of the screen say how fine it is. Headless Chromium paints without a GPU; the page
-does not need one. Where the machine is busy, the CPU time of a frame tells more than the frames a second.
+does not need one. Where the machine is busy, the CPU ms of a frame, of all the browser's processes, tell more.
 """
 
 import os
@@ -125,9 +125,7 @@ def main():
     if WHY_NOT:
         print(f"skipped: {WHY_NOT}")
         return
-    print(
-        f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; CPU of all of the browser's processes"
-    )
+    print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     columns = f"{'median':>8s} {'slowest':>8s} {'CPU ms':>7s} {'px a px':>8s}"
     print(f"{'what is moved':22s} {'frames/s':>9s} {columns}   target {FLUID:.0f} frames/s")
     for name, text in drawings(sys.argv[1:]):

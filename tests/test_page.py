@@ -18,6 +18,7 @@ from strokestyle.curves import KINDS
 from strokestyle.edits import move, thicken, wiggle
 from strokestyle.page import page_html
 from strokestyle.painting import rasterise
+from strokestyle.parts import Parts
 from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.svg import png_from_svg, read, save_svg, write_svg
 
@@ -403,6 +404,38 @@ def test_layers_off_are_left_out_of_the_file(opened):
     assert below.min() == 255
     browser.click(*middle(browser, "#layers input[value=valley]"))
     assert set(by_kind(read(saved(browser)))) == {"contour", "crease", "valley", "ridge"}
+
+
+@in_browser
+@pytest.mark.parametrize("layers", ["kind", "part"])
+def test_a_layer_and_a_part_in_it_are_switched_off_apart(opened, layers):
+    drawn, names = drawing(), ("rim", HOSTILE[:60])  # every kind once in each part
+    twice = [np.concatenate([a, a]) for a in (drawn.strokes.xy, drawn.strokes.thickness, drawn.strokes.kind)]
+    both = Strokes(*twice[:2], 41 * np.arange(9), twice[2], np.tile(drawn.strokes.closed, 2))
+    parts = Parts(names, [0, 1, 0, 1, 1, 0, 1, 0])
+    browser = opened(write_svg(Drawing(both, SIZE, np.tile(drawn.color, (2, 1)), parts=parts), layers=layers))
+    outer = ["contour", "crease", "ridge", "valley"] if layers == "kind" else sorted("/" + name for name in names)
+    keys = browser.run("current.drawing.layers.map((layer) => layer.key)")
+    assert sorted(keys) == outer
+    assert browser.run("document.querySelectorAll('#layers details label').length") == 8
+
+    def kept():
+        found = read(browser.run("savedText(current)"))
+        return sorted((KINDS[k], found.parts.names[p]) for k, p in zip(found.strokes.kind, found.parts.index, strict=True))
+
+    def switch(key):
+        browser.run(f"[...document.querySelectorAll('#layers input')].find((i) => i.value === {json.dumps(key)}).click()")
+
+    everything = kept()
+    assert len(everything) == 8
+    switch(f"valley/{names[1]}")
+    assert kept() == [pair for pair in everything if pair != ("valley", names[1])]
+    switch(outer[0])
+    first = (lambda pair: pair[0] == "contour") if layers == "kind" else (lambda pair: "/" + pair[1] == outer[0])
+    assert kept() == [pair for pair in everything if pair != ("valley", names[1]) and not first(pair)]
+    switch(outer[0])
+    switch(f"valley/{names[1]}")
+    assert kept() == everything
 
 
 @in_browser

@@ -644,23 +644,35 @@ function showControls() {
 }
 
 function showLayers() {
-  const rows = current.drawing.layers.map((kind) => {
-    const label = document.createElement("label");
-    label.className = "check";
-    const input = document.createElement("input");
-    [input.type, input.value] = ["checkbox", kind];
-    input.addEventListener("change", () => {
-      const hidden = current.edit.hidden.filter((name) => name !== kind);
-      if (selected >= 0 && current.drawing.strokes[selected].kind === kind) selected = -1;
-      change({ ...current.edit, hidden: input.checked ? hidden : [...hidden, kind] });
-    });
-    const count = document.createElement("output");
-    count.textContent = current.drawing.strokes.filter((stroke) => stroke.kind === kind).length;
-    label.append(input, kind, count);
-    return label;
+  const rows = current.drawing.layers.flatMap((layer) => {
+    const row = layerRow(layer);
+    if (layer.inner.length < 2) return [row];
+    const inside = document.createElement("details");
+    const summary = document.createElement("summary");
+    summary.textContent = layer.inner.map(({ name }) => name).join(", ");
+    inside.append(summary, ...layer.inner.map(layerRow));
+    return [row, inside];
   });
   byId("layers").replaceChildren(byId("layers").firstElementChild, ...rows);
   byId("layers").hidden = !rows.length;
+}
+
+function layerRow({ key, name, count }) {
+  const label = document.createElement("label");
+  label.className = "check";
+  const input = document.createElement("input");
+  [input.type, input.value] = ["checkbox", key];
+  input.addEventListener("change", () => {
+    const others = current.edit.hidden.filter((other) => other !== key);
+    const edit = { ...current.edit, hidden: input.checked ? others : [...others, key] };
+    if (selected >= 0 && !visible(edit, current.strokes[selected])) selected = -1;
+    change(edit);
+  });
+  const [words, output] = [document.createElement("span"), document.createElement("output")];
+  words.textContent = words.title = name;
+  output.textContent = count;
+  label.append(input, words, output);
+  return label;
 }
 
 function showSheet(sheet) {

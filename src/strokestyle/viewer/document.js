@@ -8,7 +8,7 @@ const XLINK = "http://www.w3.org/1999/xlink";
 const SLEEPING = " data-ss-style=";
 const SVG = "http://www.w3.org/2000/svg";
 
-/** SVG text of ours -> {text, xml, size, background, options, layers: [kind], strokes: [...]}, in painting order. */
+/** SVG text of ours -> {text, xml, size, background, options, layers, strokes: [...]}, in painting order. */
 async function readDrawing(text) {
   // a style attribute would be applied even here, and the page's policy would refuse it: it sleeps until it is written
   const xml = new DOMParser().parseFromString(text.replaceAll(" style=", SLEEPING), "image/svg+xml");
@@ -24,9 +24,35 @@ async function readDrawing(text) {
     stroke.strip = wider(stroke.strip, columns);
     stroke.stout = stout; // half width by margin, of the drawing's stoutest stroke
   }
-  const layers = strokes.map((stroke) => stroke.kind).filter((kind, i, all) => all.indexOf(kind) === i);
   const background = paper ? paper.getAttribute("fill") : null;
-  return { text, xml, size, background, options, layers: layers.reverse(), strokes };
+  return { text, xml, size, background, options, layers: layersOf(strokes, options.get("layers") === "part"), strokes };
+}
+
+/**
+ * The layers of a drawing, the topmost first: {key, name, count, inner: layers of the same form}; `key` says in an edit's
+ * `hidden` that it is off. Kinds hold the named parts of the shape, or the other way round.
+ */
+function layersOf(strokes, partsFirst) {
+  const kind = (stroke) => [stroke.kind, stroke.kind];
+  const part = (stroke) => [`/${stroke.part}`, stroke.part || "no part"];
+  const both = (stroke) => `${stroke.kind}/${stroke.part}`;
+  const [outer, inner] = partsFirst ? [part, kind] : [kind, part];
+  const grouped = (some, nameOf, keyOf) => {
+    const layers = new Map();
+    for (const stroke of some) {
+      const name = nameOf(stroke)[1];
+      if (!layers.has(name)) layers.set(name, { key: keyOf(stroke), name, strokes: [] });
+      layers.get(name).strokes.push(stroke);
+    }
+    return Array.from(layers.values()).reverse();
+  };
+  const parts = strokes.some((stroke) => stroke.part);
+  return grouped(strokes, outer, (stroke) => outer(stroke)[0]).map(({ key, name, strokes: own }) => ({
+    key,
+    name,
+    count: own.length,
+    inner: parts ? grouped(own, inner, both).map((layer) => ({ ...layer, count: layer.strokes.length, inner: [] })) : [],
+  }));
 }
 
 async function readStroke(element, number) {
@@ -41,7 +67,8 @@ async function readStroke(element, number) {
   const line = widened(x, y, element.getAttribute("data-ss-width"), closed);
   line.was = counting(line.x.length);
   const margin = Number(element.getAttribute("data-ss-margin") ?? 0);
-  return { element, number, id: element.id, kind: element.getAttribute("data-ss-class"), line, color, strip, margin };
+  const [kind, part] = [element.getAttribute("data-ss-class"), element.getAttribute("data-ss-part") ?? ""];
+  return { element, number, id: element.id, kind, part, line, color, strip, margin };
 }
 
 /** "M x y l dx dy ..." -> [x, y]. */

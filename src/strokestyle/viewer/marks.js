@@ -1,6 +1,6 @@
 // Strokes under an edit, as marks to be painted; all that a painter needs to know, on the page or in a worker of its own.
 //
-// An edit is {thickness, wiggle, wavelength, hidden: [kind], strokes: {number: {thickness, wiggle, moves, removed}}} and
+// An edit is {thickness, wiggle, wavelength, hidden: [layer], strokes: {number: {thickness, wiggle, moves, removed}}} and
 // is never changed in place: undo goes back to an older one.
 
 const PLAIN = { thickness: 1, wiggle: 0, moves: [], removed: false };
@@ -12,7 +12,12 @@ function strokeEdit(edit, number) {
 }
 
 function visible(edit, stroke) {
-  return !strokeEdit(edit, stroke.number).removed && !edit.hidden.includes(stroke.kind);
+  return !strokeEdit(edit, stroke.number).removed && !(edit.hidden.length && hiddenBy(edit.hidden, stroke));
+}
+
+/** Layers that are off: kinds "contour", parts "/wheel", a kind's part "contour/wheel". */
+function hiddenBy(hidden, { kind, part }) {
+  return hidden.includes(kind) || hidden.includes(`/${part}`) || hidden.includes(`${kind}/${part}`);
 }
 
 /** Everything that a stroke's shape depends on. */
