@@ -20,7 +20,7 @@ from strokestyle.page import page_html
 from strokestyle.svg import write_svg
 
 SECONDS = 2.0
-WAIT = 2.0  # between two hands, until the picture is at its best
+WAIT = 3.0  # between two hands, until the picture is at its best and the painters are ready
 FLUID = 30.0  # frames a second
 
 # counts the pictures shown, and remembers how fine they were

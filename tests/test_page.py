@@ -421,10 +421,14 @@ def test_a_layer_and_a_part_in_it_are_switched_off_apart(opened, layers):
 
     def kept():
         found = read(browser.run("savedText(current)"))
-        return sorted((KINDS[k], found.parts.names[p]) for k, p in zip(found.strokes.kind, found.parts.index, strict=True))
+        return sorted(
+            (KINDS[k], found.parts.names[p]) for k, p in zip(found.strokes.kind, found.parts.index, strict=True)
+        )
 
     def switch(key):
-        browser.run(f"[...document.querySelectorAll('#layers input')].find((i) => i.value === {json.dumps(key)}).click()")
+        browser.run(
+            f"[...document.querySelectorAll('#layers input')].find((i) => i.value === {json.dumps(key)}).click()"
+        )
 
     everything = kept()
     assert len(everything) == 8

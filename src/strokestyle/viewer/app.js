@@ -183,7 +183,7 @@ async function paint(fine) {
   const { box, view } = next.canvas;
   let pictures = [];
   if (box) {
-    const density = 2 ** (Math.ceil(2 * Math.log2(view.scale)) / 2); // in steps, so that marks outlast a little zoom
+    const density = 2 ** (Math.ceil(4 * Math.log2(view.scale)) / 4); // in steps, so that marks outlast a little zoom
     let from = 0;
     const ends = shares.map((share) => (from += share)).map((end) => Math.round(end * box.height));
     pictures = await Promise.all(
