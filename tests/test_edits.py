@@ -196,6 +196,29 @@ def test_degenerate_strokes_come_through(edit):
     assert not len(edit(nothing, None).strokes)
 
 
+@pytest.mark.parametrize("texture", [None, "grain", "colours"])
+def test_strokes_are_cut_at_parts_and_nothing_is_seen_of_it(texture):
+    drawing = small(texture)
+    offsets = drawing.strokes.offsets
+    index = np.zeros(offsets[-1], int)
+    index[offsets[0] + 6 : offsets[1]] = 1  # half of a stroke, and of the ring
+    index[offsets[4] + 8 : offsets[5]] = 1
+    along = arc_length(drawing.strokes.xy, offsets)
+    cut = edits.cut_at_parts(drawing, Parts(("a", "b"), index).cut(offsets, along))
+    assert [cut.parts.name(i) for i in range(7)] == ["a", "b", "a", "a", "a", "a", "b"]
+    assert not cut.strokes.closed.any() and len(cut.color) == 7
+    assert cut.strokes.kind.tolist() == drawing.strokes.kind[[0, 0, 1, 2, 3, 4, 4]].tolist()
+    # of pieces of flat, clear ink it would be seen that their round ends lie over each other
+    opaque = [replace(d, color=np.c_[d.color[:, :3], np.ones(len(d.color))]) for d in (drawing, cut)]
+    before, after = (rasterise(d, 3.0)[..., 3].astype(float) for d in opaque)
+    assert np.abs(before - after).mean() < (0.2 if texture else 0.02)
+    blob = rasterise(replace(opaque[1], texture=None), 3.0)[..., 3]
+    if texture:
+        assert np.abs(before - after).mean() < 0.1 * np.abs(before - blob).mean()
+    same = edits.cut_at_parts(drawing, Parts(("a", "b"), 0 * index).cut(offsets, along))
+    assert np.array_equal(same.strokes.xy, drawing.strokes.xy) and same.texture is drawing.texture
+
+
 # ------------------------------------------------------------------------------------------------------------- as text
 
 

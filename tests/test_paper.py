@@ -130,6 +130,8 @@ def test_a_few_steps_from_drawing_to_file_and_back(tmp_path):
     assert not np.array_equal(drawing.strokes.xy, other.strokes.xy)
     named = styles[0].draw(replace(view, parts=Parts(("a", "b"), np.repeat([1, 0], 26))))
     assert drawing.parts is None and [named.parts.name(i) for i in (0, 1)] == ["b", "a"]
+    halves = styles[0].draw(replace(view, parts=Parts(("a", "b"), np.repeat([1, 0, 1], [13, 13, 26]))))
+    assert [halves.parts.name(i) for i in range(3)] == ["b", "a", "b"] and len(halves.strokes) == 3
 
 
 def test_geometry_learns_the_thickness():

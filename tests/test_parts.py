@@ -40,6 +40,41 @@ def test_pieces_belong_to_the_part_that_most_of_them_is_of():
     assert voted.index.tolist() == [count.argmax() - 1 for count in counts]
 
 
+def test_lines_are_cut_where_they_run_on_in_another_part():
+    long, short = [0] * 10 + [1] * 12, [1] * 10 + [0] * 3 + [1] * 10 + [-1] * 2
+    index = np.array([*long, *short, *[2] * 5, *[0] * 9, *[-1] * 4, *[1] * 9])
+    offsets = np.cumsum([0, len(long), len(short), 5, 22])
+    along = 3.0 * np.concatenate([np.arange(n) for n in np.diff(offsets)])
+    made = Parts(("a", "b", "c"), index).cut(offsets, along, least=20.0)
+    rows, new = made.rows, made.offsets
+    assert made.line.tolist() == [0, 0, 1, 2, 3, 3] and made.parts.index.tolist() == [0, 1, 1, 2, 0, 1]
+    assert made.whole.tolist() == [False, False, True, True, False, False]
+    pieces = [rows[a:b].tolist() for a, b in zip(new[:-1], new[1:], strict=True)]
+    assert pieces[0] == list(range(11)) and pieces[1] == list(range(10, 22))  # they share the point where they meet
+    assert pieces[2] == list(range(22, 47)) and pieces[3] == list(range(47, 52))
+    assert pieces[4][-1] == pieces[5][0] == 52 + 11  # in the middle of a short stretch between
+    none = Parts(("a",), []).cut(np.array([0]), np.zeros(0))
+    assert len(none.rows) == len(none.parts) == len(none.line) == len(none.whole) == 0 and none.offsets.tolist() == [0]
+
+
+def test_pieces_make_up_the_lines_whatever_they_are():
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        offsets = np.r_[0, np.cumsum(rng.integers(2, 40, 6))]
+        index = np.repeat(rng.integers(-1, 3, 60), rng.integers(1, 9, 60))[: offsets[-1]]
+        index = np.r_[index, np.zeros(offsets[-1] - len(index), int)]
+        along = np.concatenate([np.sort(rng.uniform(0, 90, n)) for n in np.diff(offsets)])
+        parts = Parts(("a", "b", "c"), index)
+        made = parts.cut(offsets, along, least=15.0)
+        new = made.offsets
+        assert (np.diff(new) >= 2).all() and len(made.parts) == len(made.line) == len(new) - 1
+        for i in range(6):
+            mine = [made.rows[a:b] for a, b, line in zip(new[:-1], new[1:], made.line, strict=True) if line == i]
+            assert all(a[-1] == b[0] for a, b in zip(mine[:-1], mine[1:], strict=True))
+            whole = np.concatenate([mine[0], *(piece[1:] for piece in mine[1:])])
+            assert whole.tolist() == list(range(offsets[i], offsets[i + 1]))
+
+
 def test_taking_keeps_names():
     parts = Parts(("a", "b"), [0, 1, -1])
     assert parts.take(np.array([2, 0])).index.tolist() == [-1, 0] and parts.take([True, False, True]).names == (

@@ -9,6 +9,7 @@ import torch
 from strokestyle.curves import Curves
 from strokestyle.model import AdditiveNet
 from strokestyle.model_file import read_model, write_model
+from strokestyle.painting import rasterise
 from strokestyle.parts import Parts
 from strokestyle.style import FEATURES, Style, StyleConfig, SumOfCurves, load_style, save_style
 from strokestyle.texture import TextureBank
@@ -66,12 +67,18 @@ def test_strokes_keep_the_part_of_the_curves_they_are_made_of():
     assert whole.parts is None and np.array_equal(whole.strokes.xy, drawn.strokes.xy)
 
 
-def test_a_curve_of_two_parts_is_of_the_longer_and_two_curves_of_two_parts_are_not_joined():
+def test_a_stroke_that_runs_from_part_to_part_is_cut_and_looks_as_if_it_were_not():
     curves = Curves.from_list([[20, 20] + np.linspace(0, 1, 40)[:, None] * [150, 0]], [0])
     view = view_of_lines(curves, 768, 200)
-    view = replace(view, parts=Parts(("a", "b"), view.curves.xy[:, 0] > 80))
-    drawn = plain_style().draw(view)
-    assert len(drawn.strokes) == 1 and drawn.parts.name(0) == "b"
+    for share, count in ((80, 2), (30, 1)):  # 60 px on the first part, or 10
+        drawn = plain_style().draw(replace(view, parts=Parts(("a", "b"), view.curves.xy[:, 0] > share)))
+        assert [drawn.parts.name(i) for i in range(count)] == ["a", "b"][-count:] and len(drawn.strokes) == count
+        off = np.abs(rasterise(drawn).astype(float) - rasterise(plain_style().draw(view)))
+        assert (off > 0).sum() < 20 and off.max() < 100  # round ends lie over each other: at their rims, half covered
+    assert drawn.strokes.kind.tolist() == [0]
+
+
+def test_two_curves_of_two_parts_are_not_joined():
     two = Curves.from_list([[x, 20] + np.linspace(0, 1, 40)[:, None] * [60, 0] for x in (20, 84)], [0, 0])
     for parts, count in ((Parts(("a", "b"), [0, 1]), 2), (Parts(("a", "b"), [1, 1]), 1), (None, 1)):
         assert len(plain_style().draw(view_of_lines(two, 768, 200, parts=parts)).strokes) == count

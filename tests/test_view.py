@@ -636,6 +636,22 @@ def test_parts_of_one_name_are_one_and_without_names_there_are_none(names, found
     assert got == found and (view.curve_parts is None) == (found is None)
 
 
+def test_curves_are_cut_where_the_part_changes():
+    """A ball of two halves, the seam at right angles to its outline."""
+    vertices, faces = ball(4)
+    left = vertices[faces].mean(axis=1)[:, 0] < 0
+    surface = make_surface(vertices, faces, part=left.astype(int), part_names=("right", "left"))
+    view = extract(surface, fit_camera(vertices, "0,0", width=200, height=200), LineOptions(kinds=("contour",)))
+    assert len(view.curves) == 1 and view.curves.closed[0]
+    curves, parts = view.pieces_by_part()
+    assert len(curves) >= 2 and not curves.closed.any()
+    for i in range(len(curves)):
+        side = curves[i][:, 0] - 100
+        assert (side * (-1 if parts.name(i) == "left" else 1)).min() > -4  # px, where the seam is found
+    assert curves.lengths().sum() == pytest.approx(view.curves.lengths().sum())
+    assert view.pieces_by_part(hidden=True) == (view.hidden, None)
+
+
 def test_parts_are_saved_and_told(wheel_view, tmp_path):
     _, _, view = wheel_view
     save_view(tmp_path / "v.npz", view)

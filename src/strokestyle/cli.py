@@ -957,8 +957,9 @@ def _write_view(view, output: str, title: str) -> None:
     else:
         size = (view.camera.width, view.camera.height)
         paper = "#ffffff" if suffix == ".png" else None
-        named = {"parts": view.curve_parts, "hidden_parts": view.hidden_curve_parts}
-        text = plain_svg(view.curves, size, title=title, background=paper, hidden=view.hidden, **named)
+        (curves, parts), (hidden, hidden_parts) = view.pieces_by_part(), view.pieces_by_part(hidden=True)
+        page = {"title": title, "background": paper}
+        text = plain_svg(curves, size, hidden=hidden, parts=parts, hidden_parts=hidden_parts, **page)
         if output == "-":
             click.echo(text, nl=False)
         elif suffix == ".png":

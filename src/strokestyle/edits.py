@@ -15,13 +15,14 @@ import numpy as np
 from scipy import ndimage
 
 from .curves import KINDS, arc_length, blurred, counting, simplify, take_ragged, tangents
-from .parts import part_name
+from .parts import Pieces, part_name
 from .ribbons import half_widths
 from .strips import wider
 from .strokes import Drawing, Strokes, Texture
 
 STEP = 3.0  # px between the points of a line that is drawn anew
 SHARP = 50.0  # degrees; where a simplified line turns by more, it keeps its corner
+OVERLAP = 0.25  # px by which the pieces of a stroke that was cut lie over each other
 MAX_LENGTH = 1_000_000  # px of a stroke's length that edits resample
 MAX_COLUMNS = 256  # texels across a strip
 STRETCH = 1.3  # the most by which grain is stretched
@@ -193,6 +194,23 @@ def recolor(drawing: Drawing, color: tuple[float, float, float], only: np.ndarra
             rgba[rows, :, :3] = np.rint(np.clip(255 * color + shift, 0, 255))
         texture = Texture(rgba, texture.offsets, texture.margin)
     return replace(drawing, color=ink, texture=texture)
+
+
+def cut_at_parts(drawing: Drawing, pieces: Pieces) -> Drawing:
+    """Strokes cut into pieces, each of one part of the shape; it looks as if they were whole."""
+    old, of, texture = drawing.strokes, pieces.line, drawing.texture
+    xy, thickness = old.xy[pieces.rows], old.thickness[pieces.rows]
+    strokes = Strokes(xy, thickness, pieces.offsets, old.kind[of], old.closed[of] & pieces.whole)
+    if texture is not None and not pieces.whole.all():
+        ends = pieces.rows[np.stack([pieces.offsets[:-1], pieces.offsets[1:] - 1], axis=1)] - old.offsets[of, None]
+        strips = [
+            texture.rgba[texture.offsets[i] : texture.offsets[i + 1]]
+            if pieces.whole[k]
+            else _strip_of_piece(drawing, i, strokes, k, *ends[k].tolist())
+            for k, i in enumerate(of.tolist())
+        ]
+        texture = Texture(np.concatenate(strips), np.cumsum([0] + [len(s) for s in strips]), texture.margin[of])
+    return replace(drawing, strokes=strokes, color=drawing.color[of], texture=texture, parts=pieces.parts)
 
 
 def keep(drawing: Drawing, index: np.ndarray) -> Drawing:
@@ -504,6 +522,24 @@ def _reshape(drawing: Drawing, edit: Callable[[_Line], Reshaped | None], only: n
         ends = np.cumsum([0] + [len(strip) for strip in strips])
         texture = Texture(np.concatenate(strips), ends, texture.margin) if strips else texture
     return replace(drawing, strokes=new, texture=texture)
+
+
+def _strip_of_piece(drawing: Drawing, i: int, new: Strokes, k: int, first: int, last: int) -> np.ndarray:
+    """The strip of stroke k of `new`, points `first` to `last` of stroke i: what lay there, nothing past the cuts."""
+    texture, margin, closed = drawing.texture, float(drawing.texture.margin[i]), bool(drawing.strokes.closed[i])
+    strip = texture.rgba[texture.offsets[i] : texture.offsets[i + 1]]
+    s, half, _ = _profile(drawing.strokes, i, margin)
+    before, after = (0.0, 0.0) if closed else half[[0, -1]]
+    rate = len(strip) / max(s[-1] + before + after, 1e-6)  # rows a px
+    caps = np.rint((_profile(new, k, margin)[1][[0, -1]] - OVERLAP) * rate).astype(np.int64)
+    begin, end = np.rint((before + s[[first, last]] + [-OVERLAP, OVERLAP]) * rate).astype(np.int64)
+    if first == 0 and not closed:
+        begin, caps[0] = 0, 0
+    if last == len(s) - 1 and not closed:
+        end, caps[1] = len(strip), 0
+    kept = strip[max(begin, 0) : max(end, begin + 2)]
+    blank = kept * np.array([1, 1, 1, 0], np.uint8)
+    return np.concatenate([blank[:1].repeat(max(caps[0], 0), 0), kept, blank[-1:].repeat(max(caps[1], 0), 0)])
 
 
 def _columns(drawing: Drawing, new: Strokes, changed) -> int:

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from .curves import arc_length, owner, tangents
+from .edits import cut_at_parts
 from .model import PathNet, SurfaceNet, TextureNet
 from .raster import coverage
 from .ribbons import ribbon, strip_points
@@ -67,7 +68,10 @@ class PaperStyle:
         )
         image = outside_white(rgb.cpu().numpy().transpose(1, 2, 0), mask.cpu().numpy())
         texture, color = look_up(strokes, image)
-        return Drawing(strokes, size, color, texture, view.curve_parts)
+        drawing = Drawing(strokes, size, color, texture)
+        if view.parts is None:
+            return drawing
+        return cut_at_parts(drawing, view.parts.cut(curves.offsets, arc_length(curves.xy, curves.offsets)))
 
     def state(self) -> dict:
         """The networks' weights as arrays, for the model file."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 MAX_NAME = 100  # characters
+LEAST_PIECE = 24.0  # px that a line runs on a part before it is cut there; a shorter stretch goes with its neighbours
 _UNFIT = re.compile("[\x00-\x1f\ud800-\udfff\ufffe\uffff]")  # what XML 1.0 cannot hold
 
 
@@ -70,6 +71,45 @@ class Parts:
         order = np.lexsort((part, -count, piece))
         first = np.flatnonzero(np.r_[True, np.diff(piece) > 0]) if len(piece) else piece
         return Parts(self.names, part[order[first]] - 1)
+
+    def cut(self, offsets: np.ndarray, along: np.ndarray, least: float = LEAST_PIECE) -> Pieces:
+        """Lines cut where they run from one part into another, `least` px or more in either.
+
+        Parameters
+        ----------
+        offsets : (C+1,) int, of the lines whose points these things are
+        along : (n,) px along the line, rising; by how much, not from where, is what counts
+        """
+        line = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+        changes = (np.diff(self.index) != 0) | (np.diff(line) != 0)
+        start = np.flatnonzero(np.r_[np.ones(min(len(line), 1), bool), changes])  # of each run of one part
+        end = np.r_[start[1:], len(line)][: len(start)]
+        long = np.flatnonzero(along[end - 1] - along[start] >= least)
+        a, b = long[:-1], long[1:]
+        meet = (line[start[a]] == line[start[b]]) & (self.index[start[a]] != self.index[start[b]])
+        cuts = (end[a[meet]] + start[b[meet]]) // 2
+        begin = np.sort(np.r_[offsets[:-1], cuts])
+        stop = np.r_[begin[1:], len(line)][: len(begin)]
+        count = stop + np.isin(stop, cuts) - begin  # a point at a cut is of both pieces
+        new = np.r_[0, np.cumsum(count)]
+        rows = np.arange(new[-1]) + np.repeat(begin - new[:-1], count)
+        return Pieces(rows, new, line[begin], self.take(rows).vote(new))
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """What lines are cut into: rows of their points (M,) int, offsets of the pieces (P+1,) int, and the line (P,) int
+    and the part of each piece."""
+
+    rows: np.ndarray
+    offsets: np.ndarray
+    line: np.ndarray
+    parts: Parts
+
+    @property
+    def whole(self) -> np.ndarray:
+        """(P,) bool, a line that was not cut."""
+        return np.bincount(self.line)[self.line] == 1 if len(self.line) else np.zeros(0, bool)
 
 
 def part_name(text: str) -> str:

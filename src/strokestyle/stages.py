@@ -46,10 +46,11 @@ def stages(view: View, drawing: Drawing, *, title: str = "", background: str | N
         raise ValueError(f"the view is {size[0]} x {size[1]} px, its drawing {drawing.size[0]} x {drawing.size[1]}")
     strokes = drawing.strokes
     displaced = Curves(strokes.xy, strokes.offsets, strokes.kind, strokes.closed)
+    curves, parts = view.pieces_by_part()
     page = {"title": title, "background": background}
     drawn = options | page | {"page_size": None, "plotter": False}
     texts = (
-        plain_svg(view.curves, size, description="The curves of the shape", parts=view.curve_parts, **page),
+        plain_svg(curves, size, description="The curves of the shape", parts=parts, **page),
         plain_svg(displaced, size, description="The curves, displaced", parts=drawing.parts, **page),
         write_svg(drawing, **(drawn | {"texture": "none", "description": "Strokes with thickness"})),
         write_svg(drawing, **(drawn | {"description": "Strokes with thickness and texture"})),

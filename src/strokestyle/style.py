@@ -15,8 +15,9 @@ from scipy import ndimage
 
 from . import __version__
 from .curves import KINDS, Curves, arc_length, blurred, owner, simplify, tangents
+from .edits import cut_at_parts
 from .model_file import read_model, write_model
-from .parts import Parts
+from .parts import Pieces
 from .planning import Planned, plan_strokes
 from .strokes import Drawing, Strokes
 from .texture import TextureBank, synthesise
@@ -127,7 +128,7 @@ class Style:
     def draw(self, view: View, seed: int = 0) -> Drawing:
         """Draw a view. The same seed gives the same drawing; another one, another hand's luck."""
         size = (view.camera.width, view.camera.height)
-        strokes, features, scale, parts = self.strokes(view, seed)
+        strokes, features, scale, pieces = self.strokes(view, seed)
         rng_seed = int(np.random.SeedSequence([seed, 1]).generate_state(1)[0])
         color, texture = np.tile(self.color, (len(strokes), 1)), None
         if self.bank is not None and len(strokes):
@@ -136,11 +137,12 @@ class Style:
             strokes = replace(strokes, xy=strokes.xy * scale, thickness=strokes.thickness * scale)
             if texture is not None:
                 texture = replace(texture, margin=texture.margin * scale)
-        return Drawing(strokes, size, color, texture, parts)
+        drawing = Drawing(strokes, size, color, texture)
+        return drawing if pieces is None else cut_at_parts(drawing, pieces)
 
-    def strokes(self, view: View, seed: int = 0) -> tuple[Strokes, np.ndarray, float, Parts | None]:
+    def strokes(self, view: View, seed: int = 0) -> tuple[Strokes, np.ndarray, float, Pieces | None]:
         """Strokes in px of the style's own canvas, their normalised features (N, P), the view's px per such px, and the
-        part that each stroke belongs to."""
+        pieces of one part each that they are to be cut into."""
         scale = max(view.camera.width, view.camera.height) / self.config.size
         planned = plan(view, self.config, scale)
         surface = planned.carry(surface_at(view, self.config.spacing))
@@ -155,8 +157,12 @@ class Style:
         thickness = np.maximum(np.exp(swell) - HAIR, 0.0)
         rows, offsets, kept = lifted(thickness, planned.offsets)
         strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool))
-        parts = None if view.parts is None else view.parts.take(planned.source[rows, 0]).vote(offsets)
-        return strokes, features[rows], scale, parts
+        pieces = None
+        if view.parts is not None:
+            step = np.diff(arc_length(xy[rows], offsets), prepend=0.0)
+            step[offsets[:-1]] = step[planned.beyond[rows] > 0] = 0.0  # what runs past an end lies on nothing
+            pieces = view.parts.take(planned.source[rows, 0]).cut(offsets, np.cumsum(step))
+        return strokes, features[rows], scale, pieces
 
 
 # ------------------------------------------------------------------------------------------- from a view to numbers

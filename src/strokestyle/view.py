@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from .camera import Camera
 from .chaining import beside_none, tidy
-from .curves import DEFAULT_SPACING, KINDS, Curves, counting, owner, resample_curves, take_ragged
+from .curves import DEFAULT_SPACING, KINDS, Curves, arc_length, counting, owner, resample_curves, take_ragged
 from .feature_curves import LineOptions, SurfaceCurves, ViewFields, feature_curves
 from .files import replace_file
 from .parts import Parts, part_name
@@ -126,6 +126,15 @@ class View:
     def hidden_curve_parts(self) -> Parts | None:
         """The part of each hidden curve."""
         return None if self.hidden_parts is None else self.hidden_parts.vote(self.hidden.offsets)
+
+    def pieces_by_part(self, hidden: bool = False) -> tuple[Curves, Parts | None]:
+        """The curves, or the hidden ones, cut where they run from one part into another; and the part of each piece."""
+        curves, parts = (self.hidden, self.hidden_parts) if hidden else (self.curves, self.parts)
+        if parts is None:
+            return curves, None
+        made = parts.cut(curves.offsets, arc_length(curves.xy, curves.offsets))
+        kind, closed = curves.kind[made.line], curves.closed[made.line] & made.whole
+        return Curves(curves.xy[made.rows], made.offsets, kind, closed), made.parts
 
     def at_curves(self, names, xy: np.ndarray | None = None) -> np.ndarray:
         """Maps read at the curves' points, or at pixels `xy` (N, 2): (N, len(names)) float32.
