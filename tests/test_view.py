@@ -596,14 +596,28 @@ def test_curves_of_its_own_and_from_elsewhere_are_of_the_same_parts(wheel_view):
     ]
 
 
-def test_a_point_lies_on_the_face_of_the_nearest_line_of_its_kind():
+def test_a_point_lies_on_the_face_of_the_nearest_line_if_possible_of_its_kind():
     surface = wheel_surface()
-    line = [[10, 10], [40, 10]]
-    fragments = Curves.from_list([line, np.add(line, [0, 2]), np.add(line, [0, 20])], [0, 2, 2])
-    curves = Curves.from_list([np.add(line, [0, 1.9]), np.add(line, [0, 0.1]), np.add(line, [0, 19])], [0, 2, 2])
-    face = _faces_at(surface, curves, fragments, np.repeat([7, 8, 9], 2))
-    assert face.tolist() == [7, 7, 8, 8, 9, 9]
-    assert _faces_at(surface, curves, Curves.empty(), np.zeros(0, int)).tolist() == [-1] * 6
+    line = np.stack([np.arange(40.0), np.full(40, 10.0)], axis=1)
+    fragments = Curves.from_list([line, line + [0, 2], line + [0, 20]], [0, 2, 2])
+    face = np.repeat([4, 5, 6], 40)
+    for y, kind, found in ((1.4, 0, 4), (1.9, 0, 5), (1.4, 2, 5), (0.6, 2, 5), (0.1, 2, 4), (19, 0, 6)):
+        curves = Curves.from_list([line + [0, y]], [kind])
+        assert set(_faces_at(surface, curves, fragments, face)) == {found}, (y, kind)
+    crossing = Curves.from_list([line, line + [40, 0], line + [0, 20]], [0, 7, 7])
+    chain = np.concatenate([line[::3], line[::3] + [40, 0]])
+    both = Curves.from_list([chain, line + [0, 20], line + [40, 0], chain[::-1]], [0, 7, 7, 0])
+    found = _faces_at(surface, both, crossing, face)
+    assert [set(found[a:b]) for a, b in zip(both.offsets[:-1], both.offsets[1:], strict=True)] == [{4}, {6}, {5}, {4}]
+    long = np.stack([np.arange(40.0, 100.0), np.full(60, 10.0)], axis=1)
+    one = Curves.from_list([np.concatenate([line, long])], [0])
+    found = _faces_at(surface, one, Curves.from_list([line, long], [0, 7]), np.repeat([4, 5], [40, 60]))
+    assert found.tolist() == [4] * 40 + [5] * 60
+    assert set(_faces_at(surface, curves, Curves.empty(), np.zeros(0, int))) == {-1}
+    assert len(_faces_at(surface, Curves.empty(), fragments, face)) == 0
+    assert set(_faces_at(surface, curves, fragments.take([0]), face[:40])) == {4}
+    two = Curves.from_list([line[:2]], [0])
+    assert set(_faces_at(surface, curves, two, face[:2])) == {4}
 
 
 def test_nearer_parts_are_painted_later():

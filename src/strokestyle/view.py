@@ -30,7 +30,10 @@ CLIP = 8.0  # of the 90th percentile
 FLAT = 0.1  # the least scale of a curvature: on a box, where more than 90 % is flat, the rest must not become infinite
 SHARP_KINDS = ("boundary", "crease", "intersection")  # lines that are edges of the mesh
 HARD_KINDS = ("contour", *SHARP_KINDS)  # lines that are drawn hidden too
-OTHER_KIND = 10.0  # px that a line of another kind seems farther away, when the line that a point came from is sought
+OTHER_KIND = (
+    1.5  # px that a line of another kind counts as farther away, where the line that a point came from is sought
+)
+LOOSE = 50.0  # px, an intersection that is shorter may go with the lines that it is chained to
 RIM = (1.5, 5.0)  # px round a point of a line from elsewhere, in which the shape is sought that it was drawn for
 
 # The paper's eight geometry channels (its authors split the radial curvature by sign), then the screen-space normal.
@@ -431,16 +434,31 @@ def _has_parts(surface: Surface) -> bool:
 def _faces_at(surface: Surface, curves: Curves, fragments: Curves, face: np.ndarray) -> np.ndarray | None:
     """The face (N,) that each point of curves lies on, which were made of fragments whose points lie on `face` (M,).
 
-    That is the face of the nearest point of a line of its kind. None where it tells nothing.
+    That is the face of the nearest point, rather of a line of the same kind: a curve may be chained of several. An
+    intersection is of two parts, so that a short stretch of it goes with what it is chained to. None where faces tell
+    nothing.
     """
     if not _has_parts(surface):
         return None
-    if not len(fragments):
+    if not (len(fragments) and len(curves)):
         return np.full(len(curves.xy), -1)
-    tree, points = (
-        np.column_stack([lines.xy, OTHER_KIND * lines.kind[owner(lines.offsets)]]) for lines in (fragments, curves)
-    )
-    return face[cKDTree(tree).query(points)[1]]
+    away, near = cKDTree(fragments.xy).query(curves.xy, k=min(8, len(fragments.xy)))
+    away, near = away.reshape(len(curves.xy), -1), near.reshape(len(curves.xy), -1)
+    kind, curve = fragments.kind[owner(fragments.offsets)[near]], owner(curves.offsets)
+    best = (away + OTHER_KIND * (kind != curves.kind[curve][:, None])).argmin(axis=1)[:, None]
+    found, kind = (np.take_along_axis(rows, best, 1)[:, 0] for rows in (face[near], kind))
+    loose, along = kind == KINDS.index("intersection"), arc_length(curves.xy, curves.offsets)
+    start = np.flatnonzero(np.r_[True, (loose[1:] != loose[:-1]) | (curve[1:] != curve[:-1])])
+    stop = np.r_[start[1:], len(loose)]
+    loose &= np.repeat(along[stop - 1] - along[start] < LOOSE, stop - start)
+    here, firm = np.arange(len(found)), np.flatnonzero(~loose)
+    if not len(firm):
+        return found
+    after = np.searchsorted(firm, here)
+    sides = firm[np.clip([after - 1, after], 0, len(firm) - 1)]  # the firm points before and after each point
+    away = np.where(curve[sides] == curve, np.abs(sides - here), len(found))
+    nearest = np.where(away[0] <= away[1], *sides)
+    return found[np.where(away.min(axis=0) < len(found), nearest, here)]
 
 
 def _faces_in_front(surface: Surface, camera: Camera, xy: np.ndarray, scene: Scene) -> np.ndarray | None:
