@@ -74,8 +74,8 @@ function repaint() {
 }
 
 async function paintSoon() {
-  const [start, mine] = [performance.now(), round];
-  if (current) {
+  while (current) {
+    const [start, mine] = [performance.now(), round];
     painting = true;
     await paint(quality);
     painting = false;
@@ -83,8 +83,10 @@ async function paintSoon() {
     const took = performance.now() - start;
     if (took > FRAME) quality = Math.max(0.4, quality * Math.max(0.7, Math.sqrt(FRAME / took)));
     else if (took < 0.6 * FRAME) quality = Math.min(1, quality * 1.1);
+    if (mine === round) break;
+    if (took < 8) await new Promise(requestAnimationFrame); // no faster than the screen
   }
-  frame = mine === round ? 0 : requestAnimationFrame(paintSoon);
+  frame = 0;
 }
 
 /** Those who paint: a worker for each core; where a browser lets none work, the page does it itself. */

@@ -5,7 +5,8 @@
 
 const PLAIN = { thickness: 1, wiggle: 0, moves: [], removed: false };
 const UNEDITED = { thickness: 1, wiggle: 0, wavelength: 40, hidden: [], strokes: {} };
-const COARSE = 0.1; // px of a canvas that a ribbon may lie off while things move
+const NEAR = 0.06; // of its thickness: less stretches a texture so little that nobody sees it while things move
+const COARSE = 0.2; // px of a canvas that a ribbon may lie off while things move
 
 function strokeEdit(edit, number) {
   return edit.strokes[number] ?? PLAIN;
@@ -67,7 +68,7 @@ function dressed(mark, { thickness }, density) {
     mark.band = ribbonOf(line, now.half, THIN, 1);
     if (changed) mark.strip = carried(stroke, line, now, thickness, density);
   } else {
-    mark.band = ribbonOf(line, now.half, Math.max(COARSE / density, THIN), STEP);
+    mark.band = ribbonOf(line, now.half, Math.max(COARSE / density, THIN), STEP / Math.min(density, 1));
     if (thickness !== 1) mark.strip = thickened(stroke, thickness, density);
     if (line.was !== stroke.line.was) {
       const { margin } = stroke;
@@ -79,10 +80,11 @@ function dressed(mark, { thickness }, density) {
   band.row ??= band.along.map((at) => (at / band.length) * strip.rows - 0.5);
 }
 
-/** The strip of a stroke whose thickness alone changed; the last one is kept. */
+/** The strip of a stroke whose thickness alone changed, made coarsely; the last one is kept, and will do a little longer. */
 function thickened(stroke, thickness, density) {
   const { last } = stroke;
-  if (last?.thickness === thickness && last.density >= density) return last.strip;
+  const near = (NEAR * (1 + (stroke.number % 4))) / 4; // not all strokes' at once
+  if (last?.density >= density && Math.abs(thickness / last.thickness - 1) < near) return last.strip;
   const line = thickLine(stroke.line, thickness);
   const strip = carried(stroke, line, profileOf(line, stroke.margin), thickness, density);
   stroke.last = { thickness, density, strip };
