@@ -78,10 +78,11 @@ def test_a_stroke_that_runs_from_part_to_part_is_cut_and_looks_as_if_it_were_not
     assert drawn.strokes.kind.tolist() == [0]
 
 
-def test_two_curves_of_two_parts_are_not_joined():
+def test_curves_of_two_parts_may_be_drawn_in_one_go_and_are_two_strokes():
     two = Curves.from_list([[x, 20] + np.linspace(0, 1, 40)[:, None] * [60, 0] for x in (20, 84)], [0, 0])
-    for parts, count in ((Parts(("a", "b"), [0, 1]), 2), (Parts(("a", "b"), [1, 1]), 1), (None, 1)):
-        assert len(plain_style().draw(view_of_lines(two, 768, 200, parts=parts)).strokes) == count
+    for parts, names in ((Parts(("a", "b"), [0, 1]), ["a", "b"]), (Parts(("a", "b"), [1, 1]), ["b"])):
+        drawn = plain_style().draw(view_of_lines(two, 768, 200, parts=parts))
+        assert [drawn.parts.name(i) for i in range(len(drawn.strokes))] == names
 
 
 def test_a_model_without_a_part_of_its_texture_is_refused(tmp_path):

@@ -57,7 +57,6 @@ def plan_strokes(
     corner: float = 65.0,
     extend: float = 0.0,
     shortest: float = 6.0,
-    part: np.ndarray | None = None,
 ) -> Planned:
     """Join, cut, direct and resample curves.
 
@@ -68,8 +67,6 @@ def plan_strokes(
     corner : degrees, a sharper turn within 12 px ends a stroke; 180 = never
     extend : px by which every stroke runs on past both ends, straight
     shortest : px, shorter strokes are left out
-    part : (C,) int, the part of the shape that each curve is of; no stroke runs on from one part to another: where the
-        outlines of two meet and head the same way, that is chance
     """
     span = max(1, round(HEADING_SPAN / spacing))
     xy, offsets, (row,) = resample(curves.xy, curves.offsets, spacing, np.arange(len(curves.xy), dtype=np.float64))
@@ -80,7 +77,7 @@ def plan_strokes(
         table[:, 4] = np.maximum(row - table[:, 2], 0.0)
     strokes = [(table[a:b], kind) for a, b, kind in zip(offsets[:-1], offsets[1:], curves.kind, strict=True)]
     if join > 0 and len(strokes) > 1:
-        strokes = _join(strokes, join, span, spacing, np.zeros(len(strokes)) if part is None else part)
+        strokes = _join(strokes, join, span, spacing)
     if corner < 180:
         strokes = [
             (stroke[a : b + 1], kind)
@@ -128,14 +125,13 @@ def _heading(xy: np.ndarray, span: int) -> np.ndarray:
     return d / max(np.hypot(*d), 1e-9)
 
 
-def _join(strokes, gap, span, spacing, part):
+def _join(strokes, gap, span, spacing):
     """Draw through gaps between ends that head for each other, best agreement first; no stroke closes on itself."""
     count = len(strokes)
     ends = np.array([end for s, _ in strokes for end in (s[0, :2], s[-1, :2])])  # end e of stroke e // 2; odd = last
     heading = np.array([h for s, _ in strokes for h in (_heading(s[::-1, :2], span), _heading(s[:, :2], span))])
     pairs = cKDTree(ends).query_pairs(gap, output_type="ndarray")
-    first, second = pairs.T // 2
-    pairs = pairs[(first != second) & (part[first] == part[second])]
+    pairs = pairs[pairs[:, 0] // 2 != pairs[:, 1] // 2]
     a, b = pairs.T if len(pairs) else (np.zeros(0, int),) * 2
     distance = np.linalg.norm(ends[b] - ends[a], axis=1)
     angle = np.degrees(np.arccos(np.clip(-(heading[a] * heading[b]).sum(axis=1), -1, 1)))

@@ -173,8 +173,7 @@ def plan(view: View, config: StyleConfig, scale: float = 1.0) -> Planned:
     curves = view.curves
     if scale != 1.0:
         curves = Curves(curves.xy / scale, curves.offsets, curves.kind, curves.closed)
-    part = None if view.parts is None else view.curve_parts.index
-    return plan_strokes(curves, config.spacing, config.join, config.corner, config.extend, part=part)
+    return plan_strokes(curves, config.spacing, config.join, config.corner, config.extend)
 
 
 def point_features(planned: Planned, surface: np.ndarray, config: StyleConfig) -> np.ndarray:
