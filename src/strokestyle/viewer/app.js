@@ -156,53 +156,58 @@ function sizeNow() {
   return `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}`;
 }
 
-/** Show pictures, each {data, y0, height} of as many rows of the canvas, in place of what was there. */
-function showCanvas(next, pictures) {
+/** Show pictures, each {data, y0} of the rows of a box of the canvas, in place of what was there. */
+function showCanvas(next, pictures, box = next.canvas.box) {
   const { canvas, camera, sheet } = next;
-  const { width, height, box } = canvas;
-  if (ink.width !== width || ink.height !== height) [ink.width, ink.height] = [width, height];
   const context = ink.getContext("2d");
-  context.clearRect(0, 0, width, height);
+  if (canvas !== shown?.canvas) {
+    if (ink.width !== canvas.width || ink.height !== canvas.height) [ink.width, ink.height] = [canvas.width, canvas.height];
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    const [w, h] = sheet.drawing.size;
+    const sides = { left: camera.x, top: camera.y, width: camera.zoom * w, height: camera.zoom * h };
+    for (const [side, value] of Object.entries(sides)) byId("paper").style[side] = `${value}px`;
+  }
   for (const { data, y0 } of pictures) context.putImageData(new ImageData(data, box.width), box.x0, y0);
-  const [w, h] = sheet.drawing.size;
-  const sides = { left: camera.x, top: camera.y, width: camera.zoom * w, height: camera.zoom * h };
-  for (const [side, value] of Object.entries(sides)) byId("paper").style[side] = `${value}px`;
   shown = next;
 }
 
-/** What is to be shown now, `fine` pixels a pixel of the screen, and a job for its painters but for rows. */
-function pictureAt(fine) {
-  const next = { sheet: current, edit: editShown(), canvas: canvasAt(fine), camera: current.camera, size: sizeNow() };
-  const { box, view } = next.canvas;
-  const job = { sheet: sheets.indexOf(current), edit: next.edit, view, paper: paperColor(), ...box };
-  return { next, job };
+/** What is to be shown now, {sheet, edit, canvas, camera, size}, on a canvas. */
+function pictureOn(canvas) {
+  return { sheet: current, edit: editShown(), canvas, camera: current.camera, size: sizeNow() };
+}
+
+/** A painter's job, to paint a box of a picture. */
+function jobOf({ sheet, edit, canvas }, box) {
+  return { sheet: sheets.indexOf(sheet), edit, view: canvas.view, paper: paperColor(), ...box };
 }
 
 /** Paint the drawing now: only what changed if that is little, else all of it at `fine` pixels a pixel of the screen. */
 async function paint(fine) {
-  if (paintPart()) return;
-  const { next, job } = pictureAt(fine);
-  const { box, view } = next.canvas;
-  let pictures = [];
-  if (box) {
-    const density = 2 ** (Math.ceil(4 * Math.log2(view.scale)) / 4); // in steps, so that marks outlast a little zoom
-    let from = 0;
-    const ends = shares.map((share) => (from += share)).map((end) => Math.round(end * box.height));
-    pictures = await Promise.all(
-      painters.map(async (painter, k) => {
-        const [top, bottom] = [k ? ends[k - 1] : 0, k < ends.length - 1 ? ends[k] : box.height];
-        if (bottom <= top) return null;
-        const start = performance.now();
-        const band = { y0: box.y0 + top, height: bottom - top };
-        const data = await painter.paint({ ...job, ...band, density });
-        return { data, ...band, pace: (performance.now() - start) / (bottom - top) };
-      }),
-    );
-    pictures = pictures.filter((picture) => picture);
-    if (current !== next.sheet) return;
-    balance(pictures);
-  }
-  showCanvas(next, pictures);
+  const from = shown;
+  const part = partChanged();
+  const next = pictureOn(part ? from.canvas : canvasAt(fine));
+  const box = part ?? next.canvas.box;
+  const pictures = box?.height ? await paintBands(jobOf(next, box)) : [];
+  if (current !== next.sheet || (part && shown !== from)) return; // something else is shown by now
+  if (!part) balance(pictures);
+  showCanvas(next, pictures, box);
+}
+
+/** Paint a job's rows, a band by each painter: [{data, y0, pace: ms a row}]. */
+async function paintBands(job) {
+  const density = 2 ** (Math.ceil(4 * Math.log2(job.view.scale)) / 4); // in steps, so that marks outlast a little zoom
+  let share = 0;
+  const ends = shares.map((each) => Math.round((share += each) * job.height));
+  ends[ends.length - 1] = job.height;
+  const bands = painters.map(async (painter, k) => {
+    const top = k ? ends[k - 1] : 0;
+    const height = ends[k] - top;
+    if (height <= 0) return null;
+    const start = performance.now();
+    const data = await painter.paint({ ...job, y0: job.y0 + top, height, density });
+    return { data, y0: job.y0 + top, pace: (performance.now() - start) / height };
+  });
+  return (await Promise.all(bands)).filter((band) => band);
 }
 
 /** Give each painter as many rows as it would paint in the same time as the others. */
@@ -213,11 +218,11 @@ function balance(pictures) {
   shares = wanted.map((value) => Math.max(value / sum, 0.02));
 }
 
-/** Paint where strokes changed since, into the picture as it is; false where that is no less work. */
-function paintPart() {
+/** The box of the canvas where strokes changed since it was painted; null where to paint that is no less work than all. */
+function partChanged() {
   const edit = editShown();
-  if (shown?.camera !== current.camera || shown.sheet !== current || !shown.canvas.box) return false;
-  if (shown.size !== sizeNow()) return false;
+  if (shown?.camera !== current.camera || shown.sheet !== current || !shown.canvas.box) return null;
+  if (shown.size !== sizeNow()) return null;
   const { box, view } = shown.canvas;
   let [x0, y0, x1, y1] = [Infinity, Infinity, -Infinity, -Infinity];
   for (const stroke of current.strokes) {
@@ -230,31 +235,28 @@ function paintPart() {
       [x0, y0] = [Math.min(x0, Math.floor(left - 1)), Math.min(y0, Math.floor(top - 1))];
       [x1, y1] = [Math.max(x1, Math.ceil(right + 1)), Math.max(y1, Math.ceil(bottom + 1))];
     }
-    if ((x1 - x0) * (y1 - y0) > PART * box.width * box.height) return false;
+    if ((x1 - x0) * (y1 - y0) > PART * box.width * box.height) return null;
   }
   [x0, y0] = [Math.max(x0, box.x0), Math.max(y0, box.y0)];
   [x1, y1] = [Math.min(x1, box.x0 + box.width), Math.min(y1, box.y0 + box.height)];
-  if (x1 > x0 && y1 > y0) {
-    const job = { edit, view, density: view.scale, paper: paperColor(), x0, y0, width: x1 - x0, height: y1 - y0 };
-    ink.getContext("2d").putImageData(new ImageData(painted(current, job), x1 - x0), x0, y0);
-  }
-  shown.edit = edit;
-  return true;
+  const empty = !(x1 > x0 && y1 > y0);
+  return empty ? { x0: 0, y0: 0, width: 0, height: 0 } : { x0, y0, width: x1 - x0, height: y1 - y0 };
 }
 
 /** Paint the drawing with two pixels a pixel of the screen at least, a band at a time so that the hand need not wait. */
 async function paintWell() {
   const mine = round;
-  const { next, job } = pictureAt(Math.max(1, 2 / devicePixelRatio));
+  const next = pictureOn(canvasAt(Math.max(1, 2 / devicePixelRatio)));
   const { box } = next.canvas;
   if (!box) return;
   const bands = [];
   for (let y = 0; y < box.height; y += BAND) bands.push({ y0: box.y0 + y, height: Math.min(BAND, box.height - y) });
   const pictures = [];
+  const job = { ...jobOf(next, box), density: Infinity };
   const work = async (painter) => {
     while (bands.length && mine === round) {
       const band = bands.shift();
-      pictures.push({ ...band, data: await painter.paint({ ...job, ...band, density: Infinity }) });
+      pictures.push({ ...band, data: await painter.paint({ ...job, ...band }) });
     }
   };
   await Promise.all(painters.map(work));
