@@ -17,7 +17,7 @@ RANK = {
     "checkpoint": 1, "svg_page": 1, "model_file": 1,
     "feature_curves": 2, "outlines": 2, "inks": 2,
     "view": 3, "ribbons": 3,
-    "painting": 4, "strips": 2, "svg_read": 4, "edits": 4, "svg_lines": 3,
+    "painting": 4, "strips": 2, "svg_texture": 4, "svg_read": 5, "edits": 4, "svg_lines": 3,
     "texture": 5, "pictures": 5, "tones": 4, "svg": 6,
     "paper": 6, "stages": 7, "page": 7,
     "style": 7, "paper_fit": 7,

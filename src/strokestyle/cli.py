@@ -684,14 +684,15 @@ def view(files, output, show):
         found = read_file(sys.stdin.buffer.read() if file == "-" else file)
         with stage(f"write {name} anew"):
             # Inkscape's live effect is left out: the page could not keep it in step with the outline
-            drawings.append((name, write_svg(found.drawing, found.options, ids=found.ids, inkscape_lpe=False)))
-    text = page_html(drawings)
+            text = write_svg(found.drawing, found.options, ids=found.ids, strips=True, inkscape_lpe=False)
+            drawings.append((name, text))
+    page = page_html(drawings)
     if output == "-":
-        click.echo(text, nl=False)
+        click.echo(page, nl=False)
     else:
         from .files import write_bytes
 
-        write_bytes(output, text.encode("utf-8"))
+        write_bytes(output, page.encode("utf-8"))
     say(f"{', '.join(files)} -> {output}")
     if show:
         import webbrowser

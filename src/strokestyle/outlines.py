@@ -77,15 +77,21 @@ def exact_rings(xy, radius, closed: bool, tolerance: float) -> list[tuple[np.nda
     return [_evenly(ring, hard) for ring, hard, _ in neat]
 
 
-def winding_number(ring: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """How often a closed polygon (n, 2) goes round each of the points (M, 2), (M,) int."""
-    a, b = ring, np.roll(ring, -1, axis=0)
+def winding_number(rings: np.ndarray, points: np.ndarray, offsets: np.ndarray | None = None) -> np.ndarray:
+    """How often closed polygons go round each of the points (M, 2), (M,) int.
+
+    Polygon i is rows offsets[i]:offsets[i+1] of `rings` (n, 2); without offsets, all rows are one polygon.
+    """
+    offsets = np.array([0, len(rings)]) if offsets is None else offsets
+    after, some = np.arange(1, len(rings) + 1), np.flatnonzero(np.diff(offsets))
+    after[offsets[1:][some] - 1] = offsets[:-1][some]
+    a, b = rings, rings[after]
     low, high = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
     order = np.argsort(points[:, 1], kind="stable")
     level = points[order, 1]
     first = np.searchsorted(level, low)  # an edge is crossed by points as high as its lower end, but not its upper
     count = np.searchsorted(level, high) - first
-    edge = np.repeat(np.arange(len(ring)), count)
+    edge = np.repeat(np.arange(len(rings)), count)
     at = order[np.arange(len(edge)) - np.repeat(np.cumsum(count) - count - first, count)]
     a, b, p = a[edge], b[edge], points[at]
     side = (b[:, 0] - a[:, 0]) * (p[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (p[:, 0] - a[:, 0])

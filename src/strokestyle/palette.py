@@ -1,14 +1,17 @@
-"""Rasters of few colours: a palette for an image, and the PNG that holds it."""
+"""Rasters of few colours: a palette for an image, and the PNG that holds it, written and read."""
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 
 import numpy as np
+from PIL import Image
 
 FEW, MANY = 10, 32  # levels of opacity of one ink: grain hides coarse steps and costs many bytes, soft tone shows them
 COLORS = 128  # of a drawing in more than one ink; a stroke holds those that it uses
+MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
 CELLS = 24  # a channel, of the table from colours to their place in a palette
 
 
@@ -92,6 +95,23 @@ def _deflated(lines: np.ndarray, filtering: int, strategy: int) -> bytes:
     lines = np.concatenate([np.full((len(lines), 1), filtering, np.uint8), lines], axis=1)
     packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, strategy)
     return packer.compress(lines.tobytes()) + packer.flush()
+
+
+def read_png(data: bytes, most: int, what: str) -> Image.Image:
+    """A PNG of at most `most` pixels, none of which is unpacked before its size is known. Raises ValueError."""
+    if len(data) < 33 or not data.startswith(b"\x89PNG\r\n\x1a\n") or data[12:16] != b"IHDR":
+        raise ValueError(f"its {what} is no PNG")
+    width, height = struct.unpack(">II", data[16:24])
+    if not 0 < width * height <= most:
+        raise ValueError(f"its {what} of {width} x {height} pixels is too large")
+    try:
+        with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
+            if image.mode not in MODES:
+                raise ValueError(f"its {what} is a PNG of mode {image.mode}, which strokes' are not")
+            image.load()
+            return image
+    except (OSError, SyntaxError, zlib.error, struct.error, IndexError, EOFError) as error:
+        raise ValueError(f"its {what} is a damaged PNG ({error})") from None
 
 
 def quantise(flat, count):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from .curves import blurred
 from .strokes import Strokes, distinct
@@ -85,6 +86,24 @@ def _stiffened(xy, half, closed):
     moved = np.hypot(*np.diff(smooth, axis=0).T) > 1e-6
     keep = np.r_[True, moved]
     return smooth[keep], half[keep]
+
+
+def overlaps(band: Ribbon, margin: float) -> bool:
+    """Whether a ribbon lies on ink of its own elsewhere: where a stroke crosses itself, or turns back close by.
+
+    `margin` is how much of its half width holds none.
+    """
+    step = max(1.0, 0.4 * float(band.half.min()))
+    s = np.linspace(0.0, band.length, max(3, int(np.ceil(band.length / step)) + 1))
+    xy = np.stack([np.interp(s, band.along, column) for column in band.xy.T], axis=1)
+    half = np.interp(s, band.along, band.half)
+    i, j = cKDTree(xy).query_pairs(2.0 * half.max(), output_type="ndarray").T
+    apart = s[j] - s[i]
+    if band.closed:
+        apart = np.minimum(apart, band.length - apart)
+    both = half[i] + half[j]
+    near = np.hypot(*(xy[i] - xy[j]).T) < both - margin
+    return bool((near & (apart > 0.6 * np.pi * both)).any())
 
 
 def strip_points(band: Ribbon, rows: int, columns: int) -> np.ndarray:

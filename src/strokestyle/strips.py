@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import functools
-import io
-import struct
 import zlib
 
 import numpy as np
-from PIL import Image
 from scipy.linalg import solveh_banded
 
-from .palette import png, quantise
+from .palette import png, quantise, read_png
 from .strokes import Drawing
 
 ONE_INK = 1.5 / 255  # rms; colours nearer than this to the stroke's ink need no palette: the PNG is its opacity
 SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
-LARGE = 250_000  # texels of a drawing; beyond it grain is kept in GRAIN_LEVELS of opacity, else in LEVELS
-LEVELS, GRAIN_LEVELS, COLORS = 16, 6, 16  # what 4 bits a texel hold
+COLORS = 16  # what 4 bits a texel hold
 MAX_TEXELS = 2_000_000  # of a strip
 WAYS = [(0, zlib.Z_DEFAULT_STRATEGY), (2, zlib.Z_DEFAULT_STRATEGY)]  # of packing its PNG; the smaller is kept
-MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
 
 
 def strips_png(drawing: Drawing, index=None) -> list[bytes]:
@@ -28,18 +23,15 @@ def strips_png(drawing: Drawing, index=None) -> list[bytes]:
 
     x runs along the stroke, one texel a px; grey is opacity in the stroke's ink.
     """
-    strokes, texture = drawing.strokes, drawing.texture
-    sizes = [_size(drawing, i) for i in range(len(strokes))]
-    levels = LEVELS if sum(n * a for n, a in sizes) <= LARGE else GRAIN_LEVELS
-    made = []
-    for i in range(len(strokes)) if index is None else np.asarray(index).tolist():
-        rows, columns = sizes[i]
+    texture, made = drawing.texture, []
+    for i in range(len(drawing.strokes)) if index is None else np.asarray(index).tolist():
+        rows, columns = _size(drawing, i)
         strip = texture.rgba[texture.offsets[i] : texture.offsets[i + 1]].astype(np.float64) / 255.0
         alpha = strip[..., 3]
         stray = np.square((strip[..., :3] - drawing.color[i, :3]) * alpha[..., None]).sum()
         if stray <= 3 * ONE_INK**2 * max(np.square(alpha).sum(), 1e-9):
-            level = np.rint(np.clip(_smaller(alpha, rows, columns), 0, 1) * (levels - 1)) / (levels - 1)
-            made.append(png(np.rint(15 * level).astype(np.uint8).T, None, 4, WAYS))
+            level = np.rint(15 * np.clip(_smaller(alpha, rows, columns), 0, 1))
+            made.append(png(level.astype(np.uint8).T, None, 4, WAYS))
         else:
             strip[..., :3] *= alpha[..., None]
             small = np.stack([_smaller(strip[..., k], rows, columns) for k in range(4)], axis=-1)
@@ -56,24 +48,13 @@ def read_strip(data: bytes, ink: np.ndarray, most: int = MAX_TEXELS) -> np.ndarr
 
     Raises ValueError on what is no PNG, is damaged, or has more than `most` texels.
     """
-    if len(data) < 33 or not data.startswith(b"\x89PNG\r\n\x1a\n") or data[12:16] != b"IHDR":
-        raise ValueError("its texture is no PNG")
-    width, height = struct.unpack(">II", data[16:24])
-    if not 0 < width * height <= most:  # before anything is unpacked
-        raise ValueError(f"its texture of {width} x {height} texels is too large")
-    try:
-        with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
-            mode = image.mode
-            if mode not in MODES:
-                raise ValueError(f"its texture is a PNG of mode {mode}, which strips are not")
-            if mode in ("1", "L") and "transparency" not in image.info:
-                alpha = np.asarray(image.convert("L"))
-                rgb = np.rint(np.asarray(ink) * 255).astype(np.uint8)
-                pixels = np.concatenate([np.broadcast_to(rgb, (*alpha.shape, 3)), alpha[..., None]], axis=2)
-            else:
-                pixels = np.asarray(image.convert("RGBA"))
-    except (OSError, SyntaxError, zlib.error, struct.error, IndexError, EOFError) as error:
-        raise ValueError(f"its texture is a damaged PNG ({error})") from None
+    image = read_png(data, most, "texture")
+    if image.mode in ("1", "L") and "transparency" not in image.info:
+        alpha = np.asarray(image.convert("L"))
+        rgb = np.rint(np.asarray(ink) * 255).astype(np.uint8)
+        pixels = np.concatenate([np.broadcast_to(rgb, (*alpha.shape, 3)), alpha[..., None]], axis=2)
+    else:
+        pixels = np.asarray(image.convert("RGBA"))
     return np.ascontiguousarray(pixels.swapaxes(0, 1))
 
 

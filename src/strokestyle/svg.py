@@ -19,6 +19,7 @@ from .inks import inks
 from .outlines import outlines
 from .parts import Parts
 from .pictures import stroke_images
+from .ribbons import overlaps, ribbon
 from .strips import strips_png
 from .strokes import Drawing, Strokes, paint_order
 from .svg_lines import EFFECT, effect, plotter_svg, power_strokes
@@ -26,7 +27,7 @@ from .svg_page import Mark, SvgOptions, document, layered
 from .svg_read import NAME, digest, read
 from .svg_syntax import first_line, landmarks
 from .svg_text import attribute, element, hex_color, number, numbers, polyline_path, rings_path, units
-from .tones import tone_paths, tones
+from .tones import UNIT, tone_paths, tones
 
 SAME_INK = 2.5 / 255  # colours nearer than this are one
 NEAR_INK = 24 / 255  # and nearer than this not far off
@@ -40,7 +41,12 @@ __all__ = ["plain_svg", "png_from_svg", "read", "save_svg", "settled", "write_sv
 
 
 def write_svg(
-    drawing: Drawing, options: SvgOptions | None = None, *, ids: Sequence[str] | None = None, **changes
+    drawing: Drawing,
+    options: SvgOptions | None = None,
+    *,
+    ids: Sequence[str] | None = None,
+    strips: bool = False,
+    **changes,
 ) -> str:
     """The drawing as SVG text; the same drawing gives the same text.
 
@@ -49,6 +55,7 @@ def write_svg(
     options : how to write it
     ids : (C,) names for the strokes; those that are empty, repeated or no names are made new. None: s000, s001 ... in
         painting order
+    strips : write every stroke's strip as an attribute, also where it can be read off what is drawn
     changes : fields of SvgOptions, in place of those of `options`
 
     Raises
@@ -66,6 +73,13 @@ def write_svg(
     new = order[[drawn.get(i) is None for i in order.tolist()]]
     for i, stroke in zip(new.tolist(), _drawn(drawing, options, new), strict=True):
         drawn[i] = stroke
+    if options.texture != "none":
+        kept = order if strips else np.array([i for i in new.tolist() if _overlaps(drawing, i)], np.int64)
+        for i, strip in zip(kept.tolist(), strips_png(drawing, kept), strict=True):
+            tag, markup, *points = drawn[i]
+            if " data-ss-texture=" not in markup:
+                text = base64.b64encode(strip).decode("ascii")
+                drawn[i] = (tag, f' data-ss-texture="{text}"{markup}', *points)
     marks, effects = [], ""
     for i in order.tolist():
         tag, markup, *points = drawn[i]
@@ -110,18 +124,22 @@ def _names(order: np.ndarray, ids: Sequence[str] | None, parts: bool) -> list[st
 def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray):
     """(tag, markup after id and class) of each stroke of `index`; of a PowerStroke, its offset points besides."""
     make = {"none": _flat, "vector": _tones, "image": _images}[options.texture]
-    strips = strips_png(drawing, index) if options.texture != "none" else [None] * len(index)
     knots = _knots(drawing.strokes)
-    for i, strip, (tag, attributes, content) in zip(index.tolist(), strips, make(drawing, options, index), strict=True):
+    for i, (tag, attributes, content) in zip(index.tolist(), make(drawing, options, index), strict=True):
         data = _data(drawing, i, options.decimals, knots)
         if options.texture == "vector" and "fill-opacity" in data:  # tones have their own: scour would drop the group's
             data["data-ss-opacity"] = data.pop("fill-opacity")
-        if strip is not None:
-            data["data-ss-texture"] = base64.b64encode(strip).decode("ascii")
+        if options.texture != "none":
             data["data-ss-margin"] = number(drawing.texture.margin[i], 4)
         points = [attributes.pop("points")] if "points" in attributes else []
         markup = element(tag, {**data, **attributes}, content)
         yield tag, markup[len(tag) + 2 :], *points
+
+
+def _overlaps(drawing: Drawing, i: int) -> bool:
+    """Whether what is drawn of stroke i hides some of its texture."""
+    margin = drawing.texture.margin[i]
+    return overlaps(ribbon(drawing.strokes, i, margin), margin)
 
 
 def save_svg(path: str | Path, drawing: Drawing, options: SvgOptions | None = None, **changes) -> None:
@@ -200,14 +218,15 @@ def _flat(drawing, options, order):
 def _tones(drawing, options, order):
     """(tag, attributes, content) of each stroke: its texture in a few tones, the lightest beneath."""
     made = tone_paths(tones(drawing, order, options.tones, options.tolerance))
+    unit = f"scale({number(UNIT, 4)})"
     for i, paths in zip(order.tolist(), made, strict=True):
         content, ink = "", drawing.color[i, :3]
         # the tone nearest to the stroke's ink has that ink, so that programs see the stroke's fill in use
         stray = [float(np.abs(color - ink).max()) for color, _, _ in paths]
         for (color, opacity, d), off in zip(paths, stray, strict=True):
             fill = {} if off < SAME_INK or off == min(stray) < NEAR_INK else {"fill": hex_color(color)}
-            content += element("path", {**fill, "fill-opacity": number(opacity, 2), "d": d})
-        yield "g", marks(paths[0][2]) if paths else {}, content
+            content += element("path", {**fill, "fill-opacity": number(opacity, 2), "transform": unit, "d": d})
+        yield "g", marks(paths[0][2], UNIT) if paths else {}, content
 
 
 def _images(drawing, options, order):
@@ -262,10 +281,10 @@ def _data(drawing: Drawing, i: int, decimals: int, knots: tuple[np.ndarray, np.n
     return data
 
 
-def marks(shape: str | np.ndarray) -> dict[str, str]:
+def marks(shape: str | np.ndarray, unit: float = 1.0) -> dict[str, str]:
     """`data-ss-at` of path data, or of the corners (4, 2) of an image: where a stroke's first shape is."""
     try:
-        at = landmarks(first_line(shape)) if isinstance(shape, str) else shape
+        at = unit * landmarks(first_line(shape)) if isinstance(shape, str) else shape
     except ValueError:  # nothing is drawn
         return {}
     x, y = (numbers(units(column, 2), 2) for column in at.T)

@@ -11,7 +11,7 @@ from urllib.parse import quote, unquote
 from . import __version__
 from .svg_text import element, number, words
 
-FORMAT = 2
+FORMAT = 3
 MM_PER_PX = 25.4 / 96.0  # CSS pixels
 TEXTURES = ("auto", "vector", "image", "none")
 MOST_TONES = 8

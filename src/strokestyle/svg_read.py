@@ -7,12 +7,11 @@ import binascii
 import hashlib
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
-from PIL import ImageColor
 
 from . import svg_syntax as limits
 from .curve_files import kind_named
@@ -45,6 +44,7 @@ from .svg_syntax import (
     quoted,
     transformed,
 )
+from .svg_texture import Shape, drawn_strip, rgb
 
 MAX_STROKES = 20_000
 MAX_TEXELS = 16_000_000  # of a drawing
@@ -62,7 +62,7 @@ _VALUE = r'="[^"<&]*"'
 NAME = "*id*"  # stands for a stroke's id where its markup is kept
 _ART = re.compile(
     rf'<(path|g) id="([\w.:-]*)" class="stroke"(?: data-ss-part="[^"<]*")?((?: [a-z:-]+{_VALUE})*)'
-    rf"(/>|>(?:\s*<path(?: (?:d|fill|fill-opacity){_VALUE})+/>"
+    rf"(/>|>(?:\s*<path(?: (?:d|fill|fill-opacity|transform){_VALUE})+/>"
     rf'|\s*<image(?: (?:x|y|width|height|preserveAspectRatio){_VALUE})* xlink:href="data:image/png;base64,[\w+/=]*"/>'
     rf")*\s*</\1>)"
 )
@@ -172,7 +172,7 @@ class _State:
 
 @dataclass
 class _Found:
-    """A stroke's element: its attributes and where it stands; `first` is the first drawn element of it or in it."""
+    """A stroke's element: its attributes and where it stands; `shapes` are it or what is drawn in it, first to last."""
 
     name: str
     attributes: dict[str, str]
@@ -180,7 +180,7 @@ class _Found:
     line: int
     begin: int
     alone: bool
-    first: tuple[str, dict[str, str]] | None = None
+    shapes: list[Shape] = field(default_factory=list)
     end: int = 0
 
 
@@ -227,10 +227,11 @@ class _Reader:
         if not drawn:
             self.stack.append(_State(drawn=False))
             return
-        if above.stroke is not None:  # inside a stroke: only where its first shape lies matters
-            if above.stroke.first is None and tag in ("path", "image"):
-                above.stroke.first = (tag, attributes)
-            self.stack.append(_State(drawn=tag == "g", stroke=above.stroke))
+        if above.stroke is not None:  # inside a stroke: what it looks like
+            state = self._inner(above, attributes)
+            state.drawn, state.stroke = tag == "g", above.stroke
+            _add_shape(tag, attributes, state)
+            self.stack.append(state)
             return
         ours = "data-ss-path" in attributes and tag in (*GROUPS, *SHAPES)
         state = self._inner(above, attributes)
@@ -245,10 +246,11 @@ class _Reader:
                 self.parser.CurrentLineNumber,
                 self.parser.CurrentByteIndex,
                 alone,
-                (tag, attributes) if tag in ("path", "image") else None,
             )
             self.strokes.append(found)
-            state.stroke = found
+            # what is inside is told from it, not from the page
+            state = replace(state, matrix=IDENTITY, opacity=1.0, stroke=found)
+            _add_shape(tag, attributes, state)
         elif ours:
             self.hidden += 1
             state.drawn = False
@@ -372,18 +374,21 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, texels: int 
     closed = attributes.get("data-ss-closed", "") == "1"
     xy = _centre(attributes["data-ss-path"], closed)
     xy, width = _widths(xy, attributes.get("data-ss-width", "1"))
-    color = np.array([*_rgb(state.fill), state.fill_opacity * state.opacity])
+    color = np.array([*rgb(state.fill), state.fill_opacity * state.opacity])
     color[3] *= _share(attributes.get("data-ss-opacity", ""), 1.0)
     if state.fill == "none":
         color[3] = 0.0
-    strip, margin = None, 0.0
-    if "data-ss-texture" in attributes:
-        strip = read_strip(_base64(attributes["data-ss-texture"]), color[:3], min(texels, STRIP_TEXELS))
-        if state.opacity < 1:
-            strip = np.concatenate([strip[..., :3], np.rint(strip[..., 3:] * state.opacity).astype(np.uint8)], axis=2)
-        margin = _one_number(attributes.get("data-ss-margin", "0"), "data-ss-margin")
     kind = kind_named(attributes.get("data-ss-class", ""))
     moves = _baked(found, closed)
+    strip, margin, most = None, 0.0, min(texels, STRIP_TEXELS)
+    if "data-ss-margin" in attributes:
+        margin = _margin(attributes["data-ss-margin"])
+    if "data-ss-texture" in attributes:
+        strip = read_strip(_base64(attributes["data-ss-texture"]), color[:3], most)
+    elif "data-ss-margin" in attributes:
+        strip = drawn_strip(found.shapes, ribbon(_alone(xy, width, closed), 0, margin), moves[0], most)
+    if strip is not None and state.opacity < 1:
+        strip = np.concatenate([strip[..., :3], np.rint(strip[..., 3:] * state.opacity).astype(np.uint8)], axis=2)
     art = None
     if found.alone and state.matrix == IDENTITY and state.opacity == 1.0 and moves == [IDENTITY]:
         art = _art(data, found)
@@ -396,6 +401,16 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, texels: int 
     return [_moved(line, compose(home, move)) for move in moves]
 
 
+def _alone(xy: np.ndarray, width: np.ndarray, closed: bool) -> Strokes:
+    return Strokes(xy, width, [0, len(xy)], [0], [closed])
+
+
+def _add_shape(tag: str, attributes: dict[str, str], state: _State) -> None:
+    if tag in ("path", "image") and state.visible and not state.gone:
+        opacity = state.opacity * (state.fill_opacity if tag == "path" and state.fill != "none" else tag == "image")
+        state.stroke.shapes.append(Shape(tag, attributes, state.matrix, state.fill, opacity))
+
+
 def _moved(line: _Line, matrix: Affine) -> _Line:
     """The stroke where a transform takes it. Raises ValueError where that is no place in a drawing."""
     xy = line.xy if matrix == IDENTITY else transformed(matrix, line.xy)
@@ -406,7 +421,7 @@ def _moved(line: _Line, matrix: Affine) -> _Line:
         raise ValueError(f"a point {np.abs(xy).max():.3g} px away is too far to be a place in a drawing")
     if not width.max() <= MAX_PLACE:
         raise ValueError(f"a width of {width.max():.3g} px is too large")
-    if not 0 <= margin <= MAX_MARGIN:
+    if margin > MAX_MARGIN:
         raise ValueError(f"data-ss-margin of {margin:g} px must lie between 0 and {MAX_MARGIN:g}")
     strip = line.strip if line.strip is None or det >= 0 else line.strip[:, ::-1]
     return replace(line, xy=xy, width=width, margin=margin, strip=strip)
@@ -489,22 +504,24 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
 
     One; more where svgo merged a stroke of flat ink with its moved copies, whose attributes are the same.
     """
-    if "data-ss-at" not in found.attributes or found.first is None:
+    if "data-ss-at" not in found.attributes or not found.shapes:
         return [IDENTITY]
-    tag, attributes = found.first
+    first = found.shapes[0]
+    attributes = first.attributes
     try:
         then = np.array([pair.split(",") for pair in found.attributes["data-ss-at"].split()], np.float64)
         if then.shape != (4, 2) or not (np.abs(then) <= MAX_PLACE).all():
             return [IDENTITY]
-        if tag == "image":
+        if first.tag == "image":
             x, y, w, h = (length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height"))
             now = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
-            return [moved_by(then, now) or IDENTITY]
+            return [moved_by(then, transformed(first.matrix, now)) or IDENTITY]
         d, rings = attributes.get("d", ""), 2 if closed else 1  # in an outline
         if attributes is found.attributes and rings < len(re.findall("[Mm]", d)) <= 100 * rings:
             lines = [fine_line(subpath) for subpath in parse_path(d)[::rings]]
         else:
             lines = [first_line(d)]
+        lines = [transformed(first.matrix, line) for line in lines]
         moves = [moved_by(then, landmarks(line), line) for line in lines]
         if len(moves) > 1 and None in moves:
             moves = moves[:1]
@@ -516,7 +533,7 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
 def _art(data: bytes, found: _Found) -> tuple[str, str] | None:
     """The element's tag and its markup after id and class, if every letter of it is ours."""
     # of an end tag, expat gives where it begins; of an empty element, the place behind it
-    empty = data.endswith(b"/>", 0, found.end) and (found.first is None or found.first[1] is found.attributes)
+    empty = data.endswith(b"/>", 0, found.end) and (not found.shapes or found.shapes[0].attributes is found.attributes)
     end = found.end if empty else data.find(b">", found.end) + 1
     text = data[found.begin : end].decode("ascii", "replace")
     match = _ART.fullmatch(text)
@@ -577,18 +594,10 @@ def _share(text: str, default: float) -> float:
     return min(max(float(match[1]) / (100.0 if match[2] else 1.0), 0.0), 1.0)
 
 
-def _rgb(fill: str) -> np.ndarray:
-    """A CSS colour; black where it is none that we know."""
-    try:
-        return np.array(ImageColor.getrgb(fill[:60])[:3]) / 255.0
-    except ValueError:
-        return np.zeros(3)
-
-
-def _one_number(text: str, name: str) -> float:
-    values = parse_numbers(text, name)
-    if len(values) != 1:
-        raise ValueError(f'bad {name} "{quoted(text)}": expected a number')
+def _margin(text: str) -> float:
+    values = parse_numbers(text, "data-ss-margin")
+    if len(values) != 1 or not 0 <= values[0] <= MAX_MARGIN:
+        raise ValueError(f'bad data-ss-margin "{quoted(text)}": expected a number between 0 and {MAX_MARGIN:g}')
     return values[0]
 
 

@@ -2,12 +2,12 @@
 
 Tones are nested, the lightest first: each is painted over the one before, and what shows through adds up to the opacity
 and colour that the texture has there on average. A region's edge is a closed uniform quadratic B-spline: its pieces
-meet in the middles of the sides of a polygon, so that path data needs one point a piece (`q`, then `t`).
+meet in the middles of the sides of a polygon, so that path data needs one point a piece (`q`, then `t`). Its numbers
+are whole ones, of UNIT px: a third less text than decimals.
 """
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,11 +18,11 @@ from .isolines import isolines
 from .ribbons import Ribbon, ribbon
 from .strokes import Drawing
 
-SLACK = 2.0  # times the tolerance of an outline: how far the edge of a tone may be off
+UNIT = 0.15  # px, of path data; the polygons' points have even numbers of it, so that the middles of sides are whole
+SLACK = 3.0  # times the tolerance of an outline: how far the edge of a tone may be off
 POINTS = 80_000  # of all polygons: beyond it the slack grows, so that a dense drawing stays a file to work with
 COARSEST = 0.6  # px, the most that it grows to
 SPECK = 3.0  # times the slack squared: regions and holes of less area are left out
-GRID = 5  # polygon points a px; the middles of its sides then have one decimal
 FOLD = 0.97  # of the radius of a bend, from its inside: texels beyond it would be laid upside down
 LONGEST = 1.5  # px, the longest step of a contour that is laid along a bend
 CLEAR = 3 / 255  # opacity that nobody sees
@@ -36,7 +36,7 @@ class Tones:
     ----------
     opacity : (C, K) float64, that each tone is painted with, the lightest first
     color : (C, K, 3) float64 in [0, 1]
-    points : (M, 2) int64, polygon points in units of 1 / GRID px
+    points : (M, 2) int64, polygon points in units of 2 UNIT
     offsets : (R+1,) of the polygons
     stroke, tone : (R,) whose they are
     """
@@ -56,7 +56,7 @@ def tones(drawing: Drawing, index, count: int = 3, tolerance: float = 0.1) -> To
     wraps = np.array([band.closed for band in bands], bool)
     rows, strips = take_ragged(texture.offsets, index)
     rgba = texture.rgba[rows]
-    alpha = _smooth(rgba[..., 3].astype(np.float32) / 255.0, strips, wraps)
+    alpha = rgba[..., 3].astype(np.float32) / 255.0
     levels, thresholds, color = _levels(alpha, rgba, strips, count, inks(texture).color[index])
     field, grids = _rimmed(alpha, strips, wraps)
     frames = np.concatenate([_frames(*pair) for pair in zip(bands, np.diff(strips), strict=True)] or [np.zeros((0, 5))])
@@ -76,16 +76,6 @@ def tones(drawing: Drawing, index, count: int = 3, tolerance: float = 0.1) -> To
 
 
 # ------------------------------------------------------------------------------------------------------------- tone
-
-
-def _smooth(alpha, offsets, wraps):
-    """Texels averaged with their neighbours, 1 2 1 along and across: what is finer is no shape to draw."""
-    first, last = offsets[:-1], offsets[1:] - 1
-    before, after = np.arange(len(alpha)) - 1, np.arange(len(alpha)) + 1
-    before[first], after[last] = np.where(wraps, last, first), np.where(wraps, first, last)
-    alpha = 0.5 * alpha + 0.25 * (alpha[before] + alpha[after])
-    wide = np.pad(alpha, ((0, 0), (1, 1)))
-    return 0.5 * alpha + 0.25 * (wide[:, :-2] + wide[:, 2:])
 
 
 def _levels(alpha, rgba, offsets, count, ink):
@@ -221,7 +211,7 @@ def _splines(xy, offsets, slack):
     xy, offsets = closed[keep], _counted(keep, ends)
     before, after = _neighbours(offsets)
     # at the middle of its piece the spline is (before + 6 here + after) / 8: it shall be where the contour was
-    polygon = np.rint((1.25 * xy - 0.125 * (xy[before] + xy[after])) * GRID).astype(np.int64)
+    polygon = np.rint((1.25 * xy - 0.125 * (xy[before] + xy[after])) / (2 * UNIT)).astype(np.int64)
     keep = (polygon != polygon[before]).any(axis=1)
     polygon, offsets = polygon[keep], _counted(keep, offsets)
     real = np.flatnonzero(np.diff(offsets) > 2)
@@ -260,18 +250,22 @@ def _areas(xy, offsets):
 
 
 def tone_paths(regions: Tones) -> list[list[tuple[np.ndarray, float, str]]]:
-    """For each stroke, colour (3,), opacity and path data of its tones, the lightest first; to be filled nonzero."""
+    """For each stroke, colour (3,), opacity and path data of its tones, the lightest first.
+
+    In units of UNIT px, to be filled by the nonzero rule.
+    """
     points, offsets = regions.points, regions.offsets
     paths = [[[] for _ in range(regions.opacity.shape[1])] for _ in range(len(regions.opacity))]
     if len(points):
         before, after = _neighbours(offsets)
-        middle = points + points[after]  # of the sides, in units of 1 / (2 GRID) px
+        middle = points + points[after]  # of the sides
         begin = middle[offsets[1:] - 1]  # each ring from the middle of its last side to its first
         group = regions.stroke * regions.opacity.shape[1] + regions.tone
         same = np.r_[False, group[1:] == group[:-1]]
         jump = begin - np.where(same[:, None], np.roll(begin, 1, axis=0), 0)
         jumps, controls, steps = (
-            _decimals(value) for value in (jump, 2 * points[offsets[:-1]] - begin, middle - middle[before])
+            [str(value) for value in values.reshape(-1).tolist()]
+            for values in (jump, 2 * points[offsets[:-1]] - begin, middle - middle[before])
         )
         ends = offsets.tolist()
         rings = zip(regions.stroke.tolist(), regions.tone.tolist(), ends[:-1], ends[1:], strict=True)
@@ -282,20 +276,6 @@ def tone_paths(regions: Tones) -> list[list[tuple[np.ndarray, float, str]]]:
             )
     made = []
     for stroke, layers in enumerate(paths):
-        shown = [(k, "".join(rings)) for k, rings in enumerate(layers) if rings]
-        made.append([(regions.color[stroke, k], regions.opacity[stroke, k], _short("M" + d[1:])) for k, d in shown])
+        shown = [(k, "M" + "".join(rings)[1:].replace(" -", "-")) for k, rings in enumerate(layers) if rings]
+        made.append([(regions.color[stroke, k], regions.opacity[stroke, k], d) for k, d in shown])
     return made
-
-
-def _decimals(units: np.ndarray) -> list[str]:
-    """Whole numbers of 1 / (2 GRID) px as text, flat."""
-    units = units.reshape(-1)
-    low = int(units.min())
-    texts = [f"{value / (2 * GRID):g}".replace("0.", ".") if abs(value) < 2 * GRID else f"{value / (2 * GRID):g}"
-             for value in range(low, int(units.max()) + 1)]  # fmt: skip
-    return [texts[value - low] for value in units.tolist()]
-
-
-def _short(d: str) -> str:
-    """Path data without the spaces that it does not need."""
-    return re.sub(r"(\.\d+) (?=\.)", r"\1", d.replace(" -", "-"))

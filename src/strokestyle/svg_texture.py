@@ -1,0 +1,180 @@
+"""A stroke's u-v strip read off what its file draws: tones as paths, or an image. See docs/svg-format.md."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import ImageColor
+from scipy import ndimage
+
+from .outlines import winding_number
+from .palette import read_png
+from .ribbons import Ribbon, strip_points
+from .svg_syntax import MAX_TEXT, Affine, flatten, length, parse_path, transformed
+
+DENSITY = 1.5  # texels a px, of what is drawn in tones
+MAX_PIXELS = 4_000_000  # of an image
+CHORD = 0.05  # px between a region's edge and its polygon
+_TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
+_HREF = re.compile(r"data:image/png;base64,(.*)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A path or an image inside a stroke.
+
+    Parameters
+    ----------
+    tag : "path" or "image"
+    attributes : of its element
+    matrix : from its own coordinates to the stroke's
+    fill, opacity : CSS colour, and share in [0, 1], of a path; of an image, its opacity
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    matrix: Affine
+    fill: str
+    opacity: float
+
+
+def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, most: int) -> np.ndarray:
+    """What shapes show along a ribbon, (n, A, 4) uint8, texels as `Texture` has them.
+
+    Parameters
+    ----------
+    shapes : from the lowest to the uppermost
+    band : the stroke's ribbon, before it was moved
+    move : from there to the stroke's coordinates in the file
+    most : texels
+
+    Raises
+    ------
+    ValueError
+        on an image or a path that cannot be read, or where more texels would be needed.
+    """
+    images = [decoded(shape.attributes) if shape.tag == "image" else None for shape in shapes]
+    density = max((_density(shape, image) for shape, image in zip(shapes, images, strict=True)), default=DENSITY)
+    rows, columns = (max(2, int(np.ceil(density * side))) for side in (band.length, 2.0 * band.half.max()))
+    if rows * columns > most:
+        raise ValueError(f"its texture of {rows} x {columns} texels is too large")
+    color = np.zeros((rows, columns, 4))  # premultiplied
+    points = transformed(move, strip_points(band, rows, columns))
+    for shape, image in zip(shapes, images, strict=True):
+        at = transformed(_inverse(shape.matrix), points)
+        if image is not None:
+            over = _sampled(image, shape.attributes, at)
+        else:
+            # in or out: half-tones at the edges would wear a region away each time that it is read and contoured
+            inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2)).reshape(rows, columns)
+            over = inside[..., None] * np.r_[rgb(shape.fill), 1.0]
+        over = shape.opacity * over
+        color = over + (1.0 - over[..., 3:]) * color
+    straight = np.concatenate([color[..., :3] / np.maximum(color[..., 3:], 1e-6), color[..., 3:]], axis=2)
+    return np.rint(255 * np.clip(straight, 0, 1)).astype(np.uint8)
+
+
+def covered(d: str, points: np.ndarray) -> np.ndarray:
+    """Which of the points (M, 2) path data fills by the nonzero rule, (M,) bool. Raises ValueError."""
+    rings, offsets = _tone_rings(d) if len(d) <= MAX_TEXT and _TONES.fullmatch(d) else _rings(d)
+    return winding_number(rings, points, offsets) != 0
+
+
+def _tone_rings(d: str) -> tuple[np.ndarray, np.ndarray]:
+    """Polygons (n, 2) and their offsets of path data as tones.py writes it; two chords a curve."""
+    rings = [np.array(re.findall("-?[0-9]+", ring), np.float64) for ring in d.split("z")[:-1]]
+    if any(len(ring) < 8 or len(ring) % 2 for ring in rings):
+        return _rings(d)  # not ours: what is wrong with it is said there
+    rings = [ring.reshape(-1, 2) for ring in rings]
+    count = np.array([len(ring) for ring in rings]) - 2  # pieces: less the jump and the first control point
+    begin = np.cumsum([ring[0] for ring in rings], axis=0)  # a ring ends where it begins
+    made, offsets = [], np.r_[0, np.cumsum(2 * count)]
+    for ring, start in zip(rings, begin, strict=True):
+        ends = start + np.cumsum(ring[2:], axis=0)
+        sign = np.where(np.arange(len(ends)) % 2, -1.0, 1.0)[:, None]
+        turned = np.concatenate([ring[1:2] + start, -2.0 * sign[:-1] * ends[:-1]]).cumsum(axis=0)
+        control = sign * turned  # each is the one before it, reflected about the piece's end
+        before = np.concatenate([start[None], ends[:-1]])
+        made.append(np.stack([0.25 * (before + 2.0 * control + ends), ends], axis=1).reshape(-1, 2))
+    return np.concatenate(made), offsets
+
+
+def _rings(d: str) -> tuple[np.ndarray, np.ndarray]:
+    subpaths = parse_path(d)
+    if not subpaths:
+        return np.zeros((0, 2)), np.zeros(1, np.int64)
+    cubics = np.concatenate([np.array(subpath).reshape(-1, 4, 2) for subpath in subpaths])
+    return flatten(cubics, np.cumsum([0] + [len(subpath) for subpath in subpaths]), CHORD)
+
+
+def decoded(attributes: dict[str, str]) -> np.ndarray:
+    """An image element's pixels, straight (h, w, 4) float32 in [0, 1]. Raises ValueError where it holds no PNG."""
+    href = attributes.get("http://www.w3.org/1999/xlink}href", attributes.get("href", ""))
+    match = _HREF.fullmatch(href.strip())
+    if not match:
+        raise ValueError("its image is no PNG inside the file")
+    try:
+        data = base64.b64decode(re.sub(r"\s+", "", match[1]), validate=True)
+    except (binascii.Error, ValueError):
+        raise ValueError("its image is no base64") from None
+    return np.asarray(read_png(data, MAX_PIXELS, "image").convert("RGBA"), np.float32) / np.float32(255)
+
+
+def _box(attributes: dict[str, str]) -> list[float]:
+    """x, y, width and height of an image."""
+    box = [length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height")]
+    if min(box[2:]) <= 0:
+        raise ValueError("its image has no size")
+    return box
+
+
+def _density(shape: Shape, image: np.ndarray | None) -> float:
+    """Texels a px that a shape is worth."""
+    if image is None:
+        return DENSITY
+    a, b, c, d = shape.matrix[:4]
+    pixels = np.sqrt(image.shape[0] * image.shape[1] / np.prod(_box(shape.attributes)[2:]))
+    return float(np.clip(pixels / max(np.sqrt(abs(a * d - b * c)), 1e-6), 0.5, 4.0))
+
+
+def _sampled(image: np.ndarray, attributes: dict[str, str], at: np.ndarray) -> np.ndarray:
+    """An image at points (..., 2), by cubic splines, nothing outside it: (..., 4) premultiplied."""
+    x, y, width, height = _box(attributes)
+    column = (at[..., 0] - x) / width * image.shape[1] - 0.5
+    row = (at[..., 1] - y) / height * image.shape[0] - 0.5
+
+    def seen(channel):
+        found = ndimage.map_coordinates(channel, [row, column], np.float32, order=3, mode="grid-constant")
+        return np.clip(found, 0.0, 1.0)[..., None]
+
+    alpha, ink = seen(image[..., 3]), _one_ink(image)
+    if ink is not None:
+        return alpha * np.r_[ink, 1.0]
+    color = np.concatenate([seen(image[..., k] * image[..., 3]) for k in range(3)], axis=-1)
+    return np.concatenate([np.minimum(color, alpha), alpha], axis=-1)
+
+
+def _one_ink(image: np.ndarray) -> np.ndarray | None:
+    """The one colour (3,) of a straight RGBA image, where it has no more."""
+    ink = image[image[..., 3] > 0][:, :3]
+    return ink[0] if len(ink) and (ink == ink[0]).all() else None
+
+
+def _inverse(matrix: Affine) -> Affine:
+    a, b, c, d, e, f = matrix
+    det = a * d - b * c
+    if abs(det) < 1e-12:
+        raise ValueError("one of its transforms leaves nothing of it")
+    return (d / det, -b / det, -c / det, a / det, (c * f - d * e) / det, (b * e - a * f) / det)
+
+
+def rgb(fill: str) -> np.ndarray:
+    """A CSS colour as (r, g, b) in [0, 1]; black where it is none that we know."""
+    try:
+        return np.array(ImageColor.getrgb(fill[:60])[:3]) / 255.0
+    except ValueError:
+        return np.zeros(3)
