@@ -111,7 +111,7 @@ def drawings(files):
     """(name, SVG text) of the files, or of 303 strokes in three styles."""
     if files:
         return [(Path(file).name, Path(file).read_text()) for file in files]
-    return [(style, write_svg(drawing(style, POINTS))) for style in STYLES]
+    return [(style, write_svg(drawing(style, POINTS), strips=True)) for style in STYLES]
 
 
 def main():

@@ -6,6 +6,7 @@ import io
 import json
 import re
 import xml.etree.ElementTree as ET
+from functools import partial
 from html.parser import HTMLParser
 
 import numpy as np
@@ -14,14 +15,16 @@ from browser import WHY_NOT, Browser
 from PIL import Image
 from test_cli import refused, run
 
+from strokestyle import svg
 from strokestyle.curves import KINDS
 from strokestyle.edits import move, thicken, wiggle
 from strokestyle.page import page_html
 from strokestyle.painting import rasterise
 from strokestyle.parts import Parts
 from strokestyle.strokes import Drawing, Strokes, Texture
-from strokestyle.svg import png_from_svg, read, save_svg, write_svg
+from strokestyle.svg import png_from_svg, read, save_svg
 
+write_svg = partial(svg.write_svg, strips=True)  # as the page wants it
 SIZE = (160, 120)
 TEXTURES = (None, "grain", "colours")
 NAMES = "abcde"

@@ -47,7 +47,7 @@ def test_each_stage_adds_one_thing(texture):
     if texture is None:
         assert np.abs(strokes - textured).max() == 0
     else:
-        assert "data-ss-texture" in made[3].svg and "data-ss-texture" not in made[2].svg
+        assert "data-ss-margin" in made[3].svg and "data-ss-margin" not in made[2].svg
         assert np.abs(strokes - textured).mean() > 5
     sheet = pixels(files["sheet.png"])
     assert sheet.shape == (240, 4 * 320 + 3 * 6)

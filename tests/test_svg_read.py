@@ -22,7 +22,7 @@ from strokestyle.svg_page import SvgOptions
 from strokestyle.svg_read import read_file
 from strokestyle.svg_syntax import landmarks, moved_by
 
-SMALL = {"none": None, "vector": "grain", "image": "grain"}
+SMALL = {"none": None, "vector": "grain", "image": "grain", "format2": "grain"}
 ENCODINGS = [("none", None), ("vector", "grain"), ("image", "grain"), ("image", "colours")]
 
 
@@ -76,9 +76,10 @@ def test_what_is_read_is_what_was_written(encoding, texture):
         assert there == pytest.approx(want_width, abs=0.01)
         assert got.strokes.closed[k] == drawing.strokes.closed[i] and got.strokes.kind[k] == drawing.strokes.kind[i]
         assert got.color[k] == pytest.approx(drawing.color[i], abs=0.001)
-    error = np.abs(seen(got) - seen(drawing))
-    blank = np.abs(255 - seen(drawing)).mean()  # a strip at half its resolution, in 16 levels of opacity or 16 colours
-    assert error.mean() < {None: 0.002, "grain": 0.1, "colours": 0.13}[texture] * blank
+    # texture is read off what is drawn: blocky noise in three tones, or in images of 1.5 pixels a pixel
+    shown = rendered(write_svg(drawing, texture=encoding)) if texture else seen(drawing)
+    blank = np.abs(255 - seen(drawing)).mean()
+    assert np.abs(seen(got) - shown).mean() < {"none": 0.002, "vector": 0.12, "image": 0.12}[encoding] * blank
 
 
 def test_a_file_a_text_bytes_and_svgz_are_the_same(tmp_path):
@@ -130,7 +131,8 @@ def test_ids_are_kept_unless_they_are_none_or_taken():
 def test_a_save_loses_no_stroke_and_no_width(encoding, program):
     ours, theirs = read_file(GOLDEN / f"{encoding}.svg"), read_file(GOLDEN / f"{encoding}-{program}.svg")
     same_as(theirs.drawing, ours.drawing)
-    assert theirs.options.title == "Small & plain" and theirs.options.texture == encoding
+    assert theirs.options.title == "Small & plain"
+    assert theirs.options.texture == ours.options.texture == {"format2": "vector"}.get(encoding, encoding)
     assert theirs.others == theirs.hidden == 0
     if program != "svgo":  # which takes metadata out
         assert theirs.options.author == "Ann" and theirs.options.license == "CC-BY-4.0"
@@ -144,7 +146,8 @@ def same_as(got, want):
     assert np.array_equal(got.strokes.closed, want.strokes.closed)
     assert got.color == pytest.approx(want.color, abs=0.001)
     if want.texture is not None:
-        assert np.array_equal(got.texture.rgba, want.texture.rgba)
+        assert got.texture.rgba.shape == want.texture.rgba.shape  # numbers were rounded: an edge is a texel off
+        assert (np.abs(got.texture.rgba - want.texture.rgba.astype(int)) > 3).any(axis=2).mean() < 0.06
 
 
 def check_by_hand(ours, theirs, text):
@@ -223,10 +226,10 @@ def test_transforms_nest_and_scale_widths_by_the_root_of_their_determinant():
 
 
 def test_recoloured_faded_and_hidden_strokes():
-    text, file = edited(a=('fill="#1a284d"', 'style="fill:rgb(255,0,0);opacity:.5"'))
+    text, file = edited("vector", a=('fill="#1a284d"', 'style="fill:rgb(255,0,0);opacity:.5"'))
     assert file.drawing.color[0] == pytest.approx([1, 0, 0, 0.4], abs=0.003)
     strip = file.drawing.texture.rgba[: file.drawing.texture.offsets[1]]
-    assert (strip[..., :3] == [255, 0, 0]).all() and 120 <= strip[..., 3].max() <= 128
+    assert (strip[strip[..., 3] > 0][:, :3] == [255, 0, 0]).all() and 100 <= strip[..., 3].max() <= 128
     assert not np.array_equal(strip[..., 3], strip[..., 3] * 0)
     _, file = edited(a=('<g id="layer-contour"', '<g id="layer-contour" opacity=".5" style="display:inline"'))
     assert file.drawing.color[:, 3] == pytest.approx([0.8, 0.8, 0.8, 0.4, 0.4])
@@ -299,7 +302,7 @@ def test_width_by_arc_length_and_curved_centre_lines():
 
 def test_version_1_is_read_as_flat_ink():
     text = re.sub(r' data-ss-(texture|margin|at|size|page|options)="[^"]*"', "", write_svg(small("grain")))
-    drawing = read(text.replace('data-ss-format="2"', 'data-ss-format="1"'))
+    drawing = read(text.replace('data-ss-format="3"', 'data-ss-format="1"'))
     assert drawing.texture is None and len(drawing.strokes) == 5 and drawing.size == (120, 100)
 
 
@@ -309,13 +312,15 @@ def test_version_1_is_read_as_flat_ink():
 @pytest.mark.parametrize(
     "old, new, found",
     [
-        ('data-ss-format="2"', 'data-ss-format="7"', "newer"),
+        ('data-ss-format="3"', 'data-ss-format="7"', "newer"),
         ('data-ss-path="M', 'data-ss-path="q', "data-ss-path"),
         ('data-ss-path="M', 'data-ss-path="M1e9 ', "data-ss-path"),
         ('data-ss-width="', 'data-ss-width="nan ', "data-ss-width"),
         ('data-ss-width="', 'data-ss-width="-1,', "data-ss-width"),
-        ('data-ss-texture="', 'data-ss-texture="AAAA', "no PNG"),
-        ('data-ss-texture="', 'data-ss-texture="?', "base64"),
+        (' class="stroke"', ' data-ss-texture="AAAA"', "no PNG"),
+        (' class="stroke"', ' data-ss-texture="?"', "base64"),
+        (' d="M', ' d="M1 1q1 2', "expected"),
+        ('transform="scale(.15)"', 'transform="scale(0)"', "transforms"),
         ('data-ss-margin="', 'data-ss-margin="1000', "margin"),
         ('data-ss-size="120', 'data-ss-size="9999999', "canvas"),
         ('<g id="layer-contour"', '<g id="layer-contour" transform="scale(1e9)"', "far"),

@@ -20,7 +20,7 @@ DENSITY = 1.5  # texels a px, of what is drawn in tones
 MAX_PIXELS = 4_000_000  # of an image
 CHORD = 0.05  # px between a region's edge and its polygon
 _TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
-_HREF = re.compile(r"data:image/png;base64,(.*)", re.DOTALL)
+_PNG = re.compile(r"\s*data:image/png;base64,")  # images of other sorts, and elsewhere, are not looked at
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, most: int) -> n
     ValueError
         on an image or a path that cannot be read, or where more texels would be needed.
     """
+    shapes = [shape for shape in shapes if shape.tag == "path" or _PNG.match(_href(shape.attributes))]
     images = [decoded(shape.attributes) if shape.tag == "image" else None for shape in shapes]
     density = max((_density(shape, image) for shape, image in zip(shapes, images, strict=True)), default=DENSITY)
     rows, columns = (max(2, int(np.ceil(density * side))) for side in (band.length, 2.0 * band.half.max()))
@@ -112,16 +113,16 @@ def _rings(d: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def decoded(attributes: dict[str, str]) -> np.ndarray:
-    """An image element's pixels, straight (h, w, 4) float32 in [0, 1]. Raises ValueError where it holds no PNG."""
-    href = attributes.get("http://www.w3.org/1999/xlink}href", attributes.get("href", ""))
-    match = _HREF.fullmatch(href.strip())
-    if not match:
-        raise ValueError("its image is no PNG inside the file")
+    """The pixels of an image element that holds a PNG, straight (h, w, 4) float32 in [0, 1]. Raises ValueError."""
     try:
-        data = base64.b64decode(re.sub(r"\s+", "", match[1]), validate=True)
+        data = base64.b64decode(re.sub(r"\s+", "", _PNG.sub("", _href(attributes))), validate=True)
     except (binascii.Error, ValueError):
         raise ValueError("its image is no base64") from None
     return np.asarray(read_png(data, MAX_PIXELS, "image").convert("RGBA"), np.float32) / np.float32(255)
+
+
+def _href(attributes: dict[str, str]) -> str:
+    return attributes.get("http://www.w3.org/1999/xlink}href", attributes.get("href", ""))
 
 
 def _box(attributes: dict[str, str]) -> list[float]:
