@@ -24,8 +24,8 @@ def page_html(drawings: list[tuple[str, str]]) -> str:
 
     Parameters
     ----------
-    drawings : (name, SVG text) of each. The text must come from `write_svg` with `strips`: the page trusts its form. It is data
-        there, never markup, and the page's content security policy lets nothing run but the page's own script.
+    drawings : (name, SVG text) of each. The text must come from `write_svg` with `strips`: the page trusts its form. It
+        is data there, never markup, and the page's content security policy lets nothing run but the page's own script.
 
     Raises
     ------
