@@ -169,15 +169,16 @@ if (typeof document === "undefined") {
     }
   };
   // the first change shall not have to wait for what can be made beforehand, nor for the compiler: between jobs, all
-  // strokes are looked at and painted once
+  // strokes are looked at and painted once, thinner, little changed or thicker
   const getReady = () => {
     const waiting = sheets.flatMap(({ strokes }) => strokes.filter(({ ready }) => !ready));
     for (const stroke of waiting.slice(0, 4)) {
       stroke.ready = true;
       if (stroke.strip) grainOf(stroke);
       const image = { data: new Uint8ClampedArray(4 * 256 * 256), width: 256, height: 256 };
-      const wanted = { thickness: 1.5, wiggle: 2, wavelength: 40, moves: [] };
-      paintMark(markOf(stroke, wanted, 0.7), { scale: 0.5, x: 0, y: 0 }, image, [0, 0, 256, 256]);
+      const thickness = [0.6, 1.1, 2][stroke.number % 3];
+      const wanted = { thickness, wiggle: stroke.number % 2, wavelength: 40, moves: [] };
+      paintMark(markOf(stroke, wanted, 0.5), { scale: 0.5, x: 0, y: 0 }, image, [0, 0, 256, 256]);
     }
     if (waiting.length) setTimeout(getReady);
   };
