@@ -45,7 +45,7 @@ class Quantiser:
         unknown = np.unique(cell[self.table[cell] < 0])
         if len(unknown):
             value = np.stack(np.unravel_index(unknown, (CELLS,) * 4), axis=1) / (CELLS - 1)
-            self.table[unknown] = np.square(value[:, None] - self.centres[None]).sum(axis=2).argmin(axis=1)
+            self.table[unknown] = nearest(value, self.centres)
         return self.table[cell].astype(np.uint8)
 
 
@@ -135,10 +135,15 @@ def quantise(flat, count):
     first = np.searchsorted(heap, (np.arange(count - 1) + 0.5) / (count - 1) * heap[-1])
     centres = np.concatenate([np.zeros((1, 4)), np.unique(colors[order[np.minimum(first, len(order) - 1)]], axis=0)])
     for _ in range(6):
-        near = np.square(colors[:, None] - centres[None]).sum(axis=2).argmin(axis=1)
+        near = nearest(colors, centres)
         total = np.bincount(near, weight, len(centres))
         moved = np.stack([np.bincount(near, weight * colors[:, k], len(centres)) for k in range(4)], axis=1)
         centres = np.where(total[:, None] > 0, moved / np.maximum(total, 1e-9)[:, None], centres)
-    near = np.square(colors[:, None] - centres[None]).sum(axis=2).argmin(axis=1)
+    near = nearest(colors, centres)
     straight = np.concatenate([centres[:, :3] / np.maximum(centres[:, 3:], 1e-6), centres[:, 3:]], axis=1)
     return near[where].astype(np.uint8), straight
+
+
+def nearest(colors: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """The centre (K, d) nearest to each colour (M, d), (M,): least of |c|^2 - 2 x.c, which one matrix product gives."""
+    return (np.square(centres).sum(axis=1) - 2.0 * colors @ centres.T).argmin(axis=1)

@@ -25,7 +25,7 @@ from .strokes import Drawing, Strokes, paint_order
 from .svg_lines import EFFECT, effect, plotter_svg, power_strokes
 from .svg_page import Mark, SvgOptions, document, layered
 from .svg_read import NAME, digest, read
-from .svg_syntax import first_line, landmarks
+from .svg_syntax import fine_line, first_line, landmarks
 from .svg_text import attribute, element, hex_color, number, numbers, polyline_path, rings_path, units
 from .tones import UNIT, tone_paths, tones
 
@@ -138,7 +138,10 @@ def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray):
 
 def _overlaps(drawing: Drawing, i: int) -> bool:
     """Whether what is drawn of stroke i hides some of its texture."""
-    margin = drawing.texture.margin[i]
+    xy, margin = drawing.strokes.xy[slice(*drawing.strokes.offsets[i : i + 2])], drawing.texture.margin[i]
+    step, way = np.diff(xy, axis=0), xy[-1] - xy[0]
+    if (step @ way >= 0.5 * np.hypot(*step.T) * np.hypot(*way)).all() and way.any():  # most strokes, and at once
+        return False
     return overlaps(ribbon(drawing.strokes, i, margin), margin)
 
 
@@ -208,7 +211,8 @@ def _flat(drawing, options, order):
     skeletons = power_strokes(drawing, options, order.tolist()) if options.inkscape_lpe else [None] * len(order)
     for rings, skeleton in zip(outlines(drawing.strokes, options.tolerance, order), skeletons, strict=True):
         d = rings_path(rings, options.decimals)
-        attributes = {**marks(d), "fill-rule": "nonzero", "d": d}
+        at = marks(landmarks(fine_line(rings[0]))) if rings else {}
+        attributes = {**at, "fill-rule": "nonzero", "d": d}
         if skeleton is not None:
             attributes |= {"inkscape:path-effect": f"#{EFFECT}{NAME}", "inkscape:original-d": skeleton[0]}
             attributes["points"] = skeleton[1]  # for the effect in the file's head
@@ -226,7 +230,7 @@ def _tones(drawing, options, order):
         for (color, opacity, d), off in zip(paths, stray, strict=True):
             fill = {} if off < SAME_INK or off == min(stray) < NEAR_INK else {"fill": hex_color(color)}
             content += element("path", {**fill, "fill-opacity": number(opacity, 2), "transform": unit, "d": d})
-        yield "g", marks(paths[0][2], UNIT) if paths else {}, content
+        yield "g", marks(UNIT * landmarks(first_line(paths[0][2]))) if paths else {}, content
 
 
 def _images(drawing, options, order):
@@ -281,11 +285,7 @@ def _data(drawing: Drawing, i: int, decimals: int, knots: tuple[np.ndarray, np.n
     return data
 
 
-def marks(shape: str | np.ndarray, unit: float = 1.0) -> dict[str, str]:
-    """`data-ss-at` of path data, or of the corners (4, 2) of an image: where a stroke's first shape is."""
-    try:
-        at = unit * landmarks(first_line(shape)) if isinstance(shape, str) else shape
-    except ValueError:  # nothing is drawn
-        return {}
+def marks(at: np.ndarray) -> dict[str, str]:
+    """`data-ss-at`: where a stroke's first shape is, its landmarks or the corners of an image (4, 2)."""
     x, y = (numbers(units(column, 2), 2) for column in at.T)
     return {"data-ss-at": " ".join(f"{a},{b}" for a, b in zip(x, y, strict=True))}
