@@ -1,11 +1,12 @@
 """SVG of 303 strokes in three styles, in every encoding: size, seconds, and agreement with the direct raster.
 
     python benchmarks/svg.py [--dense] [--renderers resvg,chromium,rsvg-convert,inkscape] [--scales 1,4]
-                             [--styles grain,soft,coloured]
+                             [--styles grain,soft,coloured] [DRAWING.svg ...]
 
-Error is the mean absolute difference, of 255, between the SVG as a program renders it and `painting.rasterise`. Strokes
-are 30 to 183 px long; with --dense all are 183 px (18.8k points), and cover three times as much of the page as drawings
-of shapes do. Programs that are not installed are left out, and named.
+Drawings that `render` wrote take the styles' place: they are read, and written in every encoding. Error is the mean
+absolute difference, of 255, between the SVG as a program renders it and `painting.rasterise`. Strokes of the styles are
+30 to 183 px long; with --dense all are 183 px (18.8k points), and cover three times as much of the page as drawings of
+shapes do. Programs that are not installed are left out, and named.
 """
 
 import argparse
@@ -14,6 +15,7 @@ import io
 import shutil
 import subprocess
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +27,7 @@ from strokestyle.inks import inks
 from strokestyle.outlines import outlines
 from strokestyle.painting import rasterise
 from strokestyle.strokes import Drawing, Strokes
-from strokestyle.svg import png_from_svg, settled, write_svg
+from strokestyle.svg import png_from_svg, read, settled, write_svg
 from strokestyle.svg_page import SvgOptions
 from strokestyle.texture import learn_texture, synthesise
 
@@ -81,11 +83,12 @@ def drawing(style, shortest):
 
 
 def by_program(command):
-    def render(text, scale):
+    def render(text, scale, size):
         with tempfile.TemporaryDirectory() as folder:
-            source, target, side = Path(folder) / "a.svg", Path(folder) / "a.png", round(SIZE * scale)
+            source, target = Path(folder) / "a.svg", Path(folder) / "a.png"
             source.write_text(text)
-            words = [str(word).format(source=source, target=target, side=side, scale=scale) for word in command]
+            names = {"source": source, "target": target, "scale": scale, "side": round(size[0] * scale)}
+            words = [word.format(**names, width=size[0], height=size[1]) for word in command]
             subprocess.run(words, capture_output=True, timeout=300, check=False, cwd=folder)
             return target.read_bytes()
 
@@ -93,10 +96,10 @@ def by_program(command):
 
 
 RENDERERS = {
-    "resvg": png_from_svg,
+    "resvg": lambda text, scale, size: png_from_svg(text, scale),
     "chromium": by_program(
         ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--screenshot={target}"]
-        + [f"--window-size={SIZE},{SIZE}", "--force-device-scale-factor={scale}", "file://{source}"]
+        + ["--window-size={width},{height}", "--force-device-scale-factor={scale}", "file://{source}"]
     ),
     "rsvg-convert": by_program(["rsvg-convert", "-w", "{side}", "-b", "white", "-o", "{target}", "{source}"]),
     "inkscape": by_program(["inkscape", "{source}", "-o", "{target}", "-w", "{side}", "-b", "white", "-y", "1"]),
@@ -125,6 +128,7 @@ def judged(value, target):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("drawings", nargs="*")
     parser.add_argument("--dense", action="store_true")
     parser.add_argument("--renderers", default=",".join(RENDERERS))
     parser.add_argument("--scales", default="1,4")
@@ -138,8 +142,11 @@ def main():
     print("and 1.5 for image")
     heads = "".join(f" {f'{name} {scale:g}x: error, s':>26s}" for name in programs for scale in scales)
     print(f"{'style':9s} {'encoding':14s} {'write':>6s} {'kB':>6s} {'gz':>5s}{heads}")
-    for style in given.styles.split(","):
-        made = drawing(style, POINTS if given.dense else 10)
+    for style in given.drawings or given.styles.split(","):
+        if given.drawings:  # without its art: all is drawn anew
+            made, style = replace(read(style), art={}), Path(style).stem[-9:]
+        else:
+            made = drawing(style, POINTS if given.dense else 10)
         chosen = settled(made, SvgOptions()).texture
         wanted = {scale: rasterise(made, scale, (1, 1, 1)).astype(float) for scale in scales}
         flat = {scale: rasterise(made, scale, (1, 1, 1), texture=False).astype(float) for scale in scales}
@@ -155,7 +162,7 @@ def main():
             line = f"{style:9s} {name:14s} {judged(took, WRITE):>6s} {kb:5.0f}{much} {packed:5.0f}"
             for program in programs:
                 for scale in scales:
-                    cost, png = seconds(lambda p=program, s=scale, t=text: RENDERERS[p](t, s))
+                    cost, png = seconds(lambda p=program, s=scale, t=text, d=made: RENDERERS[p](t, s, d.size))
                     seen = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)
                     off = np.abs(seen - (flat if texture == "none" else wanted)[scale]).mean()
                     line += f" {judged(off, most) + ', ' + judged(cost, OPEN):>26s}"
