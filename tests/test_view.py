@@ -176,7 +176,7 @@ def test_contours_read_the_part_in_front():
     on_small = np.abs(np.linalg.norm(view.curves.xy - centre[0], axis=1) - 0.2 / scale * camera.focal / near) < 3
     on_large = np.abs(np.linalg.norm(view.curves.xy - centre[1], axis=1) - 0.5 / scale * camera.focal / far) < 5
     assert on_small.sum() > 20 and on_large.sum() > 40
-    assert np.abs(depth[on_small] - near).max() < 0.15
+    assert np.abs(depth[on_small & ~on_large] - near).max() < 0.15  # where they meet, either
     assert np.abs(depth[on_large & ~on_small] - far).max() < 0.25
     # read off its own pixel, much of the contour would be background, or the ball behind
     column, row = np.floor(view.curves.xy.T).astype(int)

@@ -231,6 +231,23 @@ def test_what_stands_before_hides():
         assert 0.3 < scene.seen(-front, small, place, flags).mean() < 0.7
 
 
+def test_the_lift_does_not_show_one_body_through_another():
+    ball = sphere(12, 24)
+    both = make_surface(
+        np.concatenate([ball.vertices, 0.994 * ball.vertices]),
+        np.concatenate([ball.faces, ball.faces + len(ball.vertices)]),
+        smooth=0.0,
+    )
+    camera = fit_camera(both.vertices, "20,30")
+    lines = feature_curves(both, camera, LineOptions(kinds=("contour",)))
+    points = np.einsum("ni,nij->nj", lines.bary, both.vertices[both.faces[lines.face]])
+    body = both.component[lines.face]
+    assert set(body.tolist()) == {0, 1} and 0.5 - 0.497 < LIFT * np.pi / 24  # the inner one is within the lift
+    seen = Scene(both).seen(camera.eye, lines.face, points, np.zeros(len(points), bool))
+    assert seen[body == body[np.linalg.norm(points, axis=1).argmax()]].mean() > 0.95
+    assert not seen[body == body[np.linalg.norm(points, axis=1).argmin()]].any()
+
+
 def test_nothing_much_is_no_trouble():
     single = make_surface(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
     scene = Scene(single)

@@ -36,7 +36,8 @@ class Scene:
 
     Parameters
     ----------
-    surface : Surface, or anything with vertices (V, 3), faces (F, 3) and unit normals (V, 3)
+    surface : Surface, or anything with vertices (V, 3), faces (F, 3) and unit normals (V, 3); where it has `component`
+        (F,), its connected bodies are told apart
     """
 
     def __init__(self, surface):
@@ -46,6 +47,8 @@ class Scene:
         # embree works in float32: bring every mesh to the same place and size
         low, high = (self.vertices.min(axis=0), self.vertices.max(axis=0)) if len(self.vertices) else (0.0, 1.0)
         self._centre, self._scale = 0.5 * (low + high), 1.0 / max(float(np.max(high - low)), 1e-300)
+        component = getattr(surface, "component", None)
+        self.component = component if component is not None and np.ptp(component) else None
         self._embree = rtcore_scene.EmbreeScene()
         if len(self.faces):
             TriangleMesh(self._embree, self._local(self.vertices), self.faces.astype(np.int32))
@@ -83,9 +86,9 @@ class Scene:
 
         A contour lies where the mesh folds away from the eye, so that about half of it is hidden, by a hair, by its own
         neighbourhood. Hence a smooth line (not `sharp`) is looked for LIFT above the surface, and a face that
-        touches its own and stands at most NEAR before it does not hide it. A crease or a boundary (`sharp`) is a true
-        edge of the mesh, hidden by whatever stands before it. Rays start at the eye, so that what hides a point comes
-        first and its doubtful neighbourhood last.
+        touches its own and stands at most NEAR before it does not hide it; but the lift does not show it through
+        another body. A crease or a boundary (`sharp`) is a true edge of the mesh, hidden by whatever stands before it.
+        Rays start at the eye, so that what hides a point comes first and its doubtful neighbourhood last.
 
         Parameters
         ----------
@@ -104,13 +107,30 @@ class Scene:
         edge = self._mean_edge(face)
         normal = self.normals[self.faces[face]].sum(axis=1)  # of the whole face: enough for a lift
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-        target = position + normal * np.where(sharp, 0.0, LIFT * edge)[:, None]
+
+        def near_itself(k, hit, gap):
+            touches = (self.faces[hit][:, :, None] == self.faces[face[k]][:, None, :]).any(axis=(1, 2))
+            return ~sharp[k] & touches & (gap < NEAR * edge[k] * self._scale)
+
+        result = self._reached(eye, position + normal * np.where(sharp, 0.0, LIFT * edge)[:, None], near_itself)
+        if self.component is not None:
+            # another body's skin may lie within the lift: cloth over skin, a coin sunk in its rim
+            lifted = np.flatnonzero(result & ~sharp)
+            own = self.component[face[lifted]]
+            result[lifted] = self._reached(eye, position[lifted], lambda k, hit, gap: self.component[hit] == own[k])
+        return result
+
+    def _reached(self, eye: np.ndarray, target: np.ndarray, ignore) -> np.ndarray:
+        """Which of the targets (N, 3) a ray from the eye reaches, (N,) bool.
+
+        `ignore(k, hit, gap)` says, for rays k that hit the faces `hit` with a `gap` still to go, in embree's units,
+        which go on all the same.
+        """
         ray = target - eye
         length = np.linalg.norm(ray, axis=1)
         ray /= np.maximum(length, 1e-300)[:, None]
         start = self._local(eye)
         reach = length * self._scale
-        edge = edge * self._scale
         slack = 3e-6 * (reach + np.abs(start).max() + 1.0)  # float32 at this distance
         passed = np.zeros(len(ray))  # how far along each ray everything has been looked at
         result = np.zeros(len(ray), bool)
@@ -126,8 +146,6 @@ class Scene:
             free = (hit < 0) | (gap <= slack[open_])
             result[open_[free]] = True
             hit, gap, distance, open_ = hit[~free], gap[~free], distance[~free], open_[~free]
-            own = (self.faces[hit][:, :, None] == self.faces[face[open_]][:, None, :]).any(axis=(1, 2))
-            ignore = ~sharp[open_] & own & (gap < NEAR * edge[open_])
             passed[open_] = distance + slack[open_]
-            open_ = open_[ignore]
+            open_ = open_[ignore(open_, hit, gap)]
         return result
