@@ -55,7 +55,7 @@ def write_svg(
     options : how to write it
     ids : (C,) names for the strokes; those that are empty, repeated or no names are made new. None: s000, s001 ... in
         painting order
-    strips : write every stroke's strip as an attribute, also where it can be read off what is drawn
+    strips : write every stroke's strip, as `data-ss-strip` where it can be read off what is drawn: for `page_html`
     changes : fields of SvgOptions, in place of those of `options`
 
     Raises
@@ -74,12 +74,14 @@ def write_svg(
     for i, stroke in zip(new.tolist(), _drawn(drawing, options, new), strict=True):
         drawn[i] = stroke
     if options.texture != "none":
-        kept = order if strips else np.array([i for i in new.tolist() if _overlaps(drawing, i)], np.int64)
+        # what is drawn shows the texture, and is where a reader finds it, but for strokes that lie on themselves
+        hidden = {i for i in new.tolist() if _overlaps(drawing, i)}
+        kept = np.array([i for i in order.tolist() if i in hidden or strips], np.int64)
         for i, strip in zip(kept.tolist(), strips_png(drawing, kept), strict=True):
             tag, markup, *points = drawn[i]
             if " data-ss-texture=" not in markup:
-                text = base64.b64encode(strip).decode("ascii")
-                drawn[i] = (tag, f' data-ss-texture="{text}"{markup}', *points)
+                name = "data-ss-texture" if i in hidden else "data-ss-strip"
+                drawn[i] = (tag, f' {name}="{base64.b64encode(strip).decode("ascii")}"{markup}', *points)
     marks, effects = [], ""
     for i in order.tolist():
         tag, markup, *points = drawn[i]

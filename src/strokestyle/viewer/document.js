@@ -5,6 +5,7 @@ const WIDTH_SLACK = 0.004; // px likewise for widths
 const ALPHAS = 16; // of an image of one ink
 const COLORS = 64; // of another
 const XLINK = "http://www.w3.org/1999/xlink";
+const PAGE_STRIP = "data-ss-strip"; // a texture that others read off what is drawn: not to be saved
 const SLEEPING = " data-ss-style=";
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -61,8 +62,9 @@ async function readStroke(element, number) {
   const fill = element.getAttribute("fill") ?? "#000000";
   const opacity = Number(element.getAttribute("data-ss-opacity") ?? element.getAttribute("fill-opacity") ?? 1);
   const color = [1, 3, 5].map((i) => parseInt(fill.slice(i, i + 2), 16) / 255).concat(opacity);
-  const strip = element.hasAttribute("data-ss-texture")
-    ? readStrip(await readPng(bytesOf(element.getAttribute("data-ss-texture"))))
+  const kept = element.getAttribute("data-ss-texture") ?? element.getAttribute(PAGE_STRIP);
+  const strip = kept
+    ? readStrip(await readPng(bytesOf(kept)))
     : null;
   const line = widened(x, y, element.getAttribute("data-ss-width"), closed);
   line.was = counting(line.x.length);
@@ -156,12 +158,13 @@ function ringsText(rings, decimals) {
  * What was not changed is written as it was.
  */
 async function writeDrawing(drawing, marks) {
-  if (marks.every((mark) => mark && !mark.changed)) return drawing.text;
+  if (marks.every((mark) => mark && !mark.changed)) return drawing.text.replace(/ data-ss-strip="[^"]*"/g, "");
   const xml = drawing.xml.cloneNode(true);
   const elements = Array.from(xml.querySelectorAll("[data-ss-path]"));
   for (const [i, element] of elements.entries()) {
     if (!marks[i]) removeStroke(element);
     else if (marks[i].changed) await writeStroke(element, marks[i], drawing.options);
+    element.removeAttribute(PAGE_STRIP);
   }
   const written = new XMLSerializer().serializeToString(xml.documentElement).replaceAll(SLEEPING, " style=");
   return `<?xml version="1.0" encoding="utf-8"?>\n${written}\n`;
@@ -199,8 +202,11 @@ async function writeStroke(element, mark, options) {
     element.setAttribute("d", ringsText(outlineOf(line, tolerance), decimals));
     return;
   }
-  const png = mark.strip.alpha ? await greyPng(mark.strip) : await colorPng(mark.strip);
-  element.setAttribute("data-ss-texture", base64Of(png));
+  element.removeAttribute("data-ss-texture");
+  if (overlaps(mark.band, mark.stroke.margin)) {
+    const png = mark.strip.alpha ? await greyPng(mark.strip) : await colorPng(mark.strip);
+    element.setAttribute("data-ss-texture", base64Of(png));
+  }
   if (options.get("texture") === "vector") writeTones(element, mark, options);
   else await writeImage(element, mark, options);
 }

@@ -182,6 +182,21 @@ function halfWidths({ width, closed }, s, margin) {
   return half;
 }
 
+/** Whether a ribbon lies on ink of its own elsewhere, as ribbons.py has it; `margin` of its half width holds none. */
+function overlaps({ x, y, half, along, length, closed }, margin) {
+  const n = Math.max(3, Math.ceil(length / Math.max(1, 0.4 * half.reduce((a, b) => Math.min(a, b)))) + 1);
+  const s = Float64Array.from({ length: n }, (_, i) => (i * length) / (n - 1));
+  const [px, py, h] = interp(s, along, x, y, half);
+  for (let i = 0; i < n; i++) {
+    for (let j = i + 1; j < n; j++) {
+      const both = h[i] + h[j];
+      const apart = closed ? Math.min(s[j] - s[i], length - s[j] + s[i]) : s[j] - s[i];
+      if (apart > 0.6 * Math.PI * both && Math.hypot(px[i] - px[j], py[i] - py[j]) < both - margin) return true;
+    }
+  }
+  return false;
+}
+
 /** Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half width. */
 function stiffened(x, y, half, closed, step) {
   const along = arcLength(x, y);

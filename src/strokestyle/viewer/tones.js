@@ -1,8 +1,8 @@
 // A texture as true paths, as tones.py makes them: regions of even tone, contoured in u and v and laid along the ribbon.
 
-const SLACK = 2; // times the tolerance of an outline: how far the edge of a tone may be off
+const UNIT = 0.15; // px, of path data; the polygons' points have even numbers of it, so that the middles of sides are whole
+const SLACK = 3; // times the tolerance of an outline: how far the edge of a tone may be off
 const SPECK = 3; // times the slack squared: regions and holes of less area are left out
-const GRID = 5; // polygon points a px; the middles of its sides then have one decimal
 const FOLD = 0.97; // of the radius of a bend, from its inside: texels beyond it would be laid upside down
 const CLEAR = 3 / 255; // opacity that nobody sees
 
@@ -61,26 +61,6 @@ function contours(field, rows, columns, level, wrap) {
   return rings;
 }
 
-/** Texels averaged with their neighbours, 1 2 1 along and across: what is finer is no shape to draw. */
-function evened(alpha, rows, columns, wrap) {
-  const along = new Float32Array(alpha.length);
-  const out = new Float32Array(alpha.length);
-  for (let r = 0; r < rows; r++) {
-    const [before, after] = wrap
-      ? [(r + rows - 1) % rows, (r + 1) % rows]
-      : [Math.max(r - 1, 0), Math.min(r + 1, rows - 1)];
-    for (let c = 0; c < columns; c++) {
-      const [a, b] = [alpha[before * columns + c], alpha[after * columns + c]];
-      along[r * columns + c] = 0.5 * alpha[r * columns + c] + 0.25 * (a + b);
-    }
-  }
-  for (let k = 0; k < out.length; k++) {
-    const c = k % columns;
-    out[k] = 0.5 * along[k] + 0.25 * ((c ? along[k - 1] : 0) + (c < columns - 1 ? along[k + 1] : 0));
-  }
-  return out;
-}
-
 /**
  * The opacities that a stroke's tones add up to, and the thresholds between them: {level, threshold}, for alpha in 0..255.
  * Least squares on the histogram of opacity (Lloyd 1982), then all are raised until the stroke is as dark as its texture.
@@ -119,12 +99,12 @@ function levelsOf(alpha, count) {
 }
 
 /** The colour of each tone, so that over those beneath it shows what the texture has there on average. */
-function tonesColors(strip, smooth, { level, threshold }, ink) {
+function tonesColors(strip, alpha, { level, threshold }, ink) {
   const byte = (value) => Math.round(255 * Math.min(Math.max(value, 0), 1));
   if (strip.alpha) return level.map(() => ink.slice(0, 3).map(byte));
   const sums = level.map(() => [0, 0, 0, 0]); // premultiplied
-  for (let k = 0; k < smooth.length; k++) {
-    const tone = threshold.filter((t) => smooth[k] >= 255 * t).length - 1;
+  for (let k = 0; k < alpha.length; k++) {
+    const tone = threshold.filter((t) => alpha[k] >= 255 * t).length - 1;
     if (tone >= 0) for (let c = 0; c < 4; c++) sums[tone][c] += strip.data[4 * k + c];
   }
   let [under, clear] = [[0, 0, 0], 1];
@@ -193,13 +173,12 @@ function writeTones(element, mark, options) {
   const { strip, band } = mark;
   const { rows, columns } = strip;
   const alpha = strip.alpha ?? strip.data.filter((_, i) => i % 4 === 3);
-  const smooth = evened(alpha, rows, columns, band.closed);
-  const levels = levelsOf(smooth, count);
-  const colors = tonesColors(strip, smooth, levels, mark.color);
+  const levels = levelsOf(alpha, count);
+  const colors = tonesColors(strip, alpha, levels, mark.color);
   const place = layOut(band, rows);
   element.replaceChildren();
   levels.level.forEach((level, k) => {
-    const rings = contours(smooth, rows, columns, 255 * levels.threshold[k], band.closed);
+    const rings = contours(alpha, rows, columns, 255 * levels.threshold[k], band.closed);
     const d = rings.map((ring) =>
       splineText(
         ring.map(([r, c]) => place(r, (2 * c + 1) / columns - 1)),
@@ -211,7 +190,7 @@ function writeTones(element, mark, options) {
     const opacity = 1 - (1 - level) / Math.max(k ? 1 - levels.level[k - 1] : 1, 1e-6);
     path.setAttribute("fill", `#${colors[k].map((byte) => byte.toString(16).padStart(2, "0")).join("")}`);
     path.setAttribute("fill-opacity", numberText(Math.min(Math.max(opacity, 0), 1), 2));
-    path.setAttribute("fill-rule", "nonzero");
+    path.setAttribute("transform", `scale(${numberText(UNIT, 4)})`);
     path.setAttribute("d", d.join(""));
     element.append("\n", path);
   });
@@ -234,7 +213,7 @@ function splineText(points, slack) {
     const [before, after] = [kept[(i + n - 1) % n], kept[(i + 1) % n]];
     return [1.25 * px - 0.125 * (before[0] + after[0]), 1.25 * py - 0.125 * (before[1] + after[1])];
   });
-  polygon = polygon.map((point) => point.map((value) => Math.round(GRID * value)));
+  polygon = polygon.map((point) => point.map((value) => Math.round(value / (2 * UNIT))));
   polygon = polygon.filter(([px, py], i) => {
     const last = polygon[(i + polygon.length - 1) % polygon.length];
     return px !== last[0] || py !== last[1];
@@ -242,16 +221,15 @@ function splineText(points, slack) {
   if (polygon.length < 3) return "";
   const middles = polygon.map(([px, py], i) => {
     const next = polygon[(i + 1) % polygon.length];
-    return [px + next[0], py + next[1]]; // in units of 1 / (2 GRID) px
+    return [px + next[0], py + next[1]];
   });
-  const text = (value) => numberText(value / (2 * GRID), 1);
   const from = middles[middles.length - 1];
   const steps = middles.map((point, i) => {
     const last = i ? middles[i - 1] : from;
-    return `${text(point[0] - last[0])} ${text(point[1] - last[1])}`;
+    return `${point[0] - last[0]} ${point[1] - last[1]}`;
   });
-  const control = polygon[0].map((value, k) => text(2 * value - from[k])).join(" ");
-  const d = `M${text(from[0])} ${text(from[1])}q${control} ${steps[0]}t${steps.slice(1).join(" ")}z`;
+  const control = polygon[0].map((value, k) => 2 * value - from[k]).join(" ");
+  const d = `M${from[0]} ${from[1]}q${control} ${steps[0]}t${steps.slice(1).join(" ")}z`;
   return d.replaceAll(" -", "-");
 }
 
