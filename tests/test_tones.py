@@ -67,6 +67,22 @@ def test_tones_add_up_to_the_mean_opacity():
         assert got == pytest.approx(want, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    "share", [(0.1, 0.1, 0.7), (0.7, 0.1, 0.1), (0.02, 0.02, 0.4), (0.3, 0.0, 0.3), (0.0, 0.0, 0.9)]
+)
+def test_opacities_of_a_texture_in_tones_are_found_again(share):
+    rng = np.random.default_rng(3)
+    line = stroke(np.stack([np.linspace(20, 120, 40), np.full(40, 70.0)], 1), 20)
+    wanted = np.array([0, 79, 163, 237])
+    strip = np.zeros((400, 24, 4), np.uint8)
+    strip[..., 3] = np.kron(rng.choice(wanted, (50, 6), p=[1 - sum(share), *share]), np.ones((8, 4)))
+    regions = tones(Drawing(line, (140, 140), [[0, 0, 0, 1]], Texture(strip, [0, 400], 0.0)), [0], 3)
+    shown = np.unique(strip[..., 3])[1:]
+    level = 255 * (1 - np.cumprod(1 - regions.opacity[0]))[: len(shown)]
+    assert level == pytest.approx(shown, abs=0.6)
+    assert np.unique(regions.tone).tolist() == list(range(len(shown)))  # and there are no more
+
+
 def test_dense_grain_is_simplified_until_it_fits(monkeypatch):
     rng = np.random.default_rng(0)
     line = stroke(np.stack([np.linspace(20, 120, 40), np.full(40, 70.0)], 1), 20)

@@ -4,6 +4,7 @@ const UNIT = 0.15; // px, of path data; the polygons' points have even numbers o
 const SLACK = 3; // times the tolerance of an outline: how far the edge of a tone may be off
 const SPECK = 3; // times the slack squared: regions and holes of less area are left out
 const FOLD = 0.97; // of the radius of a bend, from its inside: texels beyond it would be laid upside down
+const BINS = 64; // bins of opacity for a first look
 const CLEAR = 3 / 255; // opacity that nobody sees
 
 // of a cell's corners a (row, column), b (column + 1), c (both + 1), d (row + 1), those inside, as bits 1, 2, 4, 8:
@@ -63,24 +64,21 @@ function contours(field, rows, columns, level, wrap) {
 
 /**
  * The opacities that a stroke's tones add up to, and the thresholds between them: {level, threshold}, for alpha in 0..255.
- * Least squares on the histogram of opacity (Lloyd 1982), then all are raised until the stroke is as dark as its texture.
+ * Least squares on the histogram of opacity, the best of coarse partitions made finer (Lloyd 1982); then all are raised
+ * until the stroke is as dark as its texture. Where there are fewer opacities than levels, there are fewer tones.
  */
 function levelsOf(alpha, count) {
-  const below = new Float64Array(257);
-  const mass = new Float64Array(257);
+  const [below, mass, square] = [0, 1, 2].map(() => new Float64Array(257));
   for (const a of alpha) below[Math.round(a) + 1]++;
   for (let k = 0; k < 256; k++) {
     mass[k + 1] = mass[k] + (below[k + 1] * k) / 255;
+    square[k + 1] = square[k] + below[k + 1] * (k / 255) ** 2;
     below[k + 1] += below[k];
   }
-  let level = Array.from({ length: count }, (_, k) => {
-    let bin = 0;
-    while (bin < 255 && mass[bin + 1] < ((k + 0.5) / count) * mass[256]) bin++;
-    return Math.max(bin / 255, 2 * CLEAR);
-  });
+  let level = partitioned(below, mass, square, count);
   let threshold = level;
   let shown = 0;
-  for (let round = 0; round < 20; round++) {
+  for (let round = 0; round < 4; round++) {
     threshold = level.map((value, k) => (value + (k ? level[k - 1] : 0)) / 2);
     const cut = [...threshold.map((value) => Math.ceil(value * 255)), 256];
     shown = 0;
@@ -92,10 +90,40 @@ function levelsOf(alpha, count) {
     });
   }
   const raise = Math.min(Math.max(mass[256] / Math.max(shown, 1e-9), 1), 1.25);
+  level = level.map((value) => Math.min(value * raise, 1));
+  const other = level.map((value, k) => value - (k ? level[k - 1] : 0) >= 1 / 255);
   return {
-    level: level.map((value) => Math.min(value * raise, 1)),
-    threshold: threshold.map((t) => Math.max(t, CLEAR)),
+    level: level.filter((_, k) => other[k]),
+    threshold: threshold.filter((_, k) => other[k]).map((t) => Math.max(t, CLEAR)),
   };
+}
+
+/** The means of the parts, above one of no opacity, in which a histogram spreads least: Wang and Song 2011, coarsely. */
+function partitioned(below, mass, square, count) {
+  const of = (sums, i, j) => sums[4 * j] - sums[4 * i]; // of bins i to j - 1
+  let best = Array.from({ length: BINS + 1 }, (_, j) => square[4 * j]);
+  const cuts = [];
+  for (let k = 0; k < count; k++) {
+    const from = new Int32Array(BINS + 1);
+    best = best.map((_, j) => {
+      let least = Infinity;
+      for (let i = 0; i <= j; i++) {
+        const number = Math.max(of(below, i, j), 1e-9);
+        const total = best[i] + of(square, i, j) - of(mass, i, j) ** 2 / number;
+        if (total < least) [least, from[j]] = [total, i];
+      }
+      return least;
+    });
+    cuts.push(from);
+  }
+  const level = [];
+  for (let k = count - 1, end = BINS; k >= 0; k--) {
+    const begin = cuts[k][end];
+    level.unshift(of(mass, begin, end) / Math.max(of(below, begin, end), 1e-9));
+    end = begin;
+  }
+  for (let k = 1; k < count; k++) level[k] = Math.max(level[k], level[k - 1]);
+  return level;
 }
 
 /** The colour of each tone, so that over those beneath it shows what the texture has there on average. */
