@@ -63,6 +63,13 @@ def hostile(rng: np.random.Generator, text: str, without=()) -> tuple[str, bytes
     def inside(markup):
         return text.replace("</svg>", markup + "</svg>").encode()
 
+    def drawn(inside):  # a stroke whose texture is what is drawn in it
+        where = 'data-ss-path="M0 0l90 0" data-ss-width="20" data-ss-margin="2"'
+        return f"<g {where}>{inside}</g>"
+
+    def image(data):
+        return f'<image width="90" height="24" xlink:href="data:image/png;base64,{data}"/>'
+
     large = base64.b64encode(png(2_000, 900, zlib.compress(bytes(901_000)))).decode()
     bomb = "".join(f'<!ENTITY b{i} "{f"&b{i - 1};" * 10}">' for i in range(1, 9))
     head = text[text.index("<svg") :]
@@ -88,6 +95,14 @@ def hostile(rng: np.random.Generator, text: str, without=()) -> tuple[str, bytes
         "texture bomb within limits": lambda: strip(png(2_000, 900, zlib.compress(bytes(20_000_000)))),
         "texture too short": lambda: strip(png(500, 30, zlib.compress(b"abc"))),
         "textures of many": lambda: inside(f'<path data-ss-path="M0 0l9 9" data-ss-texture="{large}"/>' * 40),
+        "image bomb": lambda: inside(drawn(image(base64.b64encode(png(60_000, 60_000, b"")).decode()))),
+        "images of many": lambda: inside(drawn(image(large)) * 40),
+        "many images": lambda: inside(drawn(image(large) * 40)),
+        "image elsewhere": lambda: inside(drawn('<image width="9" height="9" xlink:href="http://127.0.0.1:9/a.png"/>')),
+        "huge tone": lambda: inside(drawn(f'<path d="M0 0{"q9 9 9-9t-9 9 9-9-9 1z" * 200_000}"/>')),
+        "high tone": lambda: inside(drawn(f'<path d="M0-9{"q9 9 0 20t9-20 0 20-9-20z" * 40_000}"/>')),
+        "tones of many": lambda: inside(drawn('<path transform="scale(9)" d="M0 0q9 9 9-9t-9 9 9-9z"/>') * 15_000),
+        "wide stroke of tones": lambda: inside(drawn('<path d="M0 0h9v9z"/>').replace('"20"', '"90000"')),
         "svgz bomb": lambda: gzip.compress(text.encode() + b" " * 200_000_000, 1),
         "svgz cut": lambda: gzip.compress(text.encode())[:-9],
         "utf-16": lambda: text.replace("utf-8", "utf-16").encode("utf-16"),

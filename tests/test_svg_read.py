@@ -306,6 +306,31 @@ def test_version_1_is_read_as_flat_ink():
     assert drawing.texture is None and len(drawing.strokes) == 5 and drawing.size == (120, 100)
 
 
+@pytest.mark.parametrize("encoding", ["none", "vector", "image"])
+def test_what_is_pressed_flat_is_not_drawn(encoding):
+    text, file = edited(
+        encoding, None if encoding == "none" else "grain",
+        a=('<g id="layer-contour"', '<g id="layer-contour" transform="scale(1 0)"'),
+    )  # fmt: skip
+    assert len(file.drawing.strokes) == 3 and file.hidden == 2
+
+
+def test_a_deleted_tone_moves_no_stroke():
+    text = write_svg(small("grain"), texture="vector")
+    for k in range(5):
+        strokes = text.split("\n<g id=")
+        where = [i for i, part in enumerate(strokes) if 'class="stroke"' in part][k]
+        strokes[where] = re.sub(r"\n<path [^>]*/>", "", strokes[where], count=1)  # its lightest tone
+        got = read("\n<g id=".join(strokes))
+        assert got.strokes.xy == pytest.approx(read(text).strokes.xy, abs=0.001)
+
+
+def test_colours_beyond_what_there_is_are_the_last_there_is():
+    for fill, wanted in (("rgb(300,0,0)", [1, 0, 0]), ("rgb(999999999999999999999999999,0,0)", [1, 0, 0])):
+        _, file = edited("vector", a=('fill="#1a284d"', f'fill="{fill}"'))
+        assert file.drawing.color[0, :3].tolist() == wanted
+
+
 # ------------------------------------------------------------------------------------------------- damaged and hostile
 
 
@@ -320,7 +345,6 @@ def test_version_1_is_read_as_flat_ink():
         (' class="stroke"', ' data-ss-texture="AAAA"', "no PNG"),
         (' class="stroke"', ' data-ss-texture="?"', "base64"),
         (' d="M', ' d="M1 1q1 2', "expected"),
-        ('transform="scale(.15)"', 'transform="scale(0)"', "transforms"),
         ('data-ss-margin="', 'data-ss-margin="1000', "margin"),
         ('data-ss-size="120', 'data-ss-size="9999999', "canvas"),
         ('<g id="layer-contour"', '<g id="layer-contour" transform="scale(1e9)"', "far"),

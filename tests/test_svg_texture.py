@@ -14,7 +14,7 @@ from strokestyle.ribbons import overlaps, ribbon, strip_points
 from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.svg import png_from_svg, read, write_svg
 from strokestyle.svg_syntax import IDENTITY
-from strokestyle.svg_texture import MAX_PIXELS, Shape, covered, drawn_strip
+from strokestyle.svg_texture import MAX_PIXELS, Budget, Shape, covered, drawn_strip
 
 SQUARE = "M2 2L6 2 6 6 2 6Z"
 HOLED = "M0 0H9V9H0ZM3 3V6H6V3Z"
@@ -53,10 +53,10 @@ def text_of(rgba):
 
 def test_points_inside_and_outside_and_in_holes():
     points = np.array([[4, 4], [1, 4], [7, 7], [2.01, 5.99]])
-    assert covered(SQUARE, points).tolist() == [True, False, False, True]
-    assert covered(HOLED, points).tolist() == [False, True, True, True]
-    assert covered(SQUARE + HOLED, points[:1]).tolist() == [True]  # nonzero: 1 + 1 - 1
-    assert not covered("", points).any() and not covered("none", points).any()
+    assert covered(SQUARE, points, Budget()).tolist() == [True, False, False, True]
+    assert covered(HOLED, points, Budget()).tolist() == [False, True, True, True]
+    assert covered(SQUARE + HOLED, points[:1], Budget()).tolist() == [True]  # nonzero: 1 + 1 - 1
+    assert not covered("", points, Budget()).any() and not covered("none", points, Budget()).any()
 
 
 def test_both_readers_of_tones_see_what_resvg_draws():
@@ -65,7 +65,7 @@ def test_both_readers_of_tones_see_what_resvg_draws():
     at = (np.stack([x, y], axis=1) + 0.5) / 4 / 0.15
     for d in re.findall(r' d="([^"]*)"', text)[:6]:
         assert re.fullmatch("[-Mmqtz0-9 ]*", d)
-        ours, general = covered(d, at), covered(d.replace("M", "M0 0M", 1), at)
+        ours, general = covered(d, at, Budget()), covered(d.replace("M", "M0 0M", 1), at, Budget())
         assert (ours != general).mean() < 1.5e-3  # at their edges
         page = (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 120 100" width="120" height="100">{{}}{d}"/></svg>'
@@ -79,25 +79,27 @@ def test_tones_are_laid_over_one_another():
     # the ribbon of a line from (2, 4) to (8, 4), width 4: from 0 to 10 and from 2 to 6
     band = ribbon(line([2, 4], [8, 4]), 0, 0.0)
     strip = drawn_strip(
-        [shape("M0 0H10V8H0Z", "#ff0000", 0.5), shape("M5 0H10V8H5Z", "#0000ff", 0.5)], band, IDENTITY, 999
+        [shape("M0 0H10V8H0Z", "#ff0000", 0.5), shape("M5 0H10V8H5Z", "#0000ff", 0.5)], band, IDENTITY, Budget()
     )
     assert strip.shape == (15, 6, 4)
     assert (strip[:7] == [255, 0, 0, 128]).all() and (strip[8:] == [85, 0, 170, 191]).all()
-    nothing = drawn_strip([], band, IDENTITY, 999)
+    nothing = drawn_strip([], band, IDENTITY, Budget())
     assert nothing.shape == (15, 6, 4) and not nothing.any()
 
 
 def test_a_shape_is_followed_through_its_transforms_and_the_strokes():
     band = ribbon(line([2, 4], [8, 4]), 0, 0.0)
-    half = drawn_strip([shape("M0 0H5.1V8H0Z")], band, IDENTITY, 999)
-    scaled = drawn_strip([shape("M0 0H51V80H0Z", matrix=(0.1, 0, 0, 0.1, 0, 0))], band, IDENTITY, 999)
-    moved = drawn_strip([shape("M100 0H105.1V8H100Z")], band, (1, 0, 0, 1, 100, 0), 999)
+    half = drawn_strip([shape("M0 0H5.1V8H0Z")], band, IDENTITY, Budget())
+    scaled = drawn_strip([shape("M0 0H51V80H0Z", matrix=(0.1, 0, 0, 0.1, 0, 0))], band, IDENTITY, Budget())
+    moved = drawn_strip([shape("M100 0H105.1V8H100Z")], band, (1, 0, 0, 1, 100, 0), Budget())
     assert half[:8, :, 3].all() and not half[8:, :, 3].any()
     assert np.array_equal(half, scaled) and np.array_equal(half, moved)
-    with pytest.raises(ValueError, match="transforms"):
-        drawn_strip([shape("M0 0H5.1V8H0Z", matrix=(0, 0, 0, 0, 0, 0))], band, IDENTITY, 999)
-    with pytest.raises(ValueError, match="15 x 6 texels"):
-        drawn_strip([shape("M0 0H5.1V8H0Z")], band, IDENTITY, 89)
+    assert not drawn_strip(
+        [shape("M0 0H5.1V8H0Z", matrix=(0, 0, 0, 0, 0, 0))], band, IDENTITY, Budget()
+    ).any()  # which shows nothing
+    for budget in (Budget(texels=89), Budget(looks=100)):
+        with pytest.raises(ValueError, match="too intricate"):
+            drawn_strip([shape("M0 0H5.1V8H0Z")], band, IDENTITY, budget)
 
 
 # ------------------------------------------------------------------------------------------------------------ images
@@ -106,14 +108,14 @@ def test_a_shape_is_followed_through_its_transforms_and_the_strokes():
 def test_an_image_on_the_texels_is_the_strip():
     band = ribbon(line([2, 2], [8, 2]), 0, 0.0)
     rgba = np.random.default_rng(1).integers(60, 200, (4, 10, 4)).astype(np.uint8)
-    strip = drawn_strip([picture(text_of(rgba))], band, IDENTITY, 999)
+    strip = drawn_strip([picture(text_of(rgba))], band, IDENTITY, Budget())
     assert np.abs(strip.astype(int) - rgba.swapaxes(0, 1)).max() <= 1
     rgba[..., :3] = [10, 20, 30]  # one ink: only its opacity is looked up
-    strip = drawn_strip([picture(text_of(rgba))], band, IDENTITY, 999)
+    strip = drawn_strip([picture(text_of(rgba))], band, IDENTITY, Budget())
     assert (strip[..., :3] == [10, 20, 30]).all() and np.abs(
         strip[..., 3] - rgba.swapaxes(0, 1)[..., 3].astype(int)
     ).max() <= 1
-    outside = drawn_strip([picture(text_of(rgba), y="100")], band, IDENTITY, 999)
+    outside = drawn_strip([picture(text_of(rgba), y="100")], band, IDENTITY, Budget())
     assert not outside[..., 3].any()
 
 
@@ -121,14 +123,33 @@ def test_a_strip_has_the_resolution_of_its_image():
     band = ribbon(line([2, 2], [8, 2]), 0, 0.0)
     for pixels, rows in ((30, 30), (10, 10), (2, 5), (400, 40)):  # between 0.5 and 4 a px
         rgba = np.full((round(0.4 * pixels), pixels, 4), 255, np.uint8)
-        assert len(drawn_strip([picture(text_of(rgba))], band, IDENTITY, 9999)) == rows
+        assert len(drawn_strip([picture(text_of(rgba))], band, IDENTITY, Budget())) == rows
 
 
 def test_images_elsewhere_are_not_looked_at():
     band = ribbon(line([2, 2], [8, 2]), 0, 0.0)
     for href in ("http://example.org/a.png", "file:///etc/passwd", "data:image/svg+xml;base64,AAAA", ""):
         one = Shape("image", {"href": href}, IDENTITY, "#000", 1.0)
-        assert not drawn_strip([one], band, IDENTITY, 999).any()
+        assert not drawn_strip([one], band, IDENTITY, Budget()).any()
+
+
+def test_a_stroke_whose_image_became_another_sort_is_flat_ink():
+    text = write_svg(small("grain"), texture="image")
+    got = read(text.replace("data:image/png", "data:image/jpeg"))
+    assert got.texture is None and len(got.strokes) == 5
+    mixed = read(text.replace("data:image/png", "data:image/jpeg", 1))
+    assert mixed.texture is not None and (np.diff(mixed.texture.offsets) > 1).all()
+    strip = mixed.texture.rgba[: mixed.texture.offsets[1], :, 3]
+    assert strip.max() == pytest.approx(0.8 * 255, abs=1)
+
+
+def test_faint_strokes_have_as_many_levels():
+    drawn = small("grain")
+    rgba = drawn.texture.rgba.copy()
+    rgba[..., 3] //= 8
+    faint = Drawing(drawn.strokes, drawn.size, drawn.color, Texture(rgba, drawn.texture.offsets, 1.5))
+    alphas = [len(np.unique(read(write_svg(d, texture="image")).texture.rgba[..., 3])) for d in (drawn, faint)]
+    assert alphas[1] > 20 and alphas[0] > 20
 
 
 def test_damaged_images_are_named():
@@ -138,12 +159,13 @@ def test_damaged_images_are_named():
     assert 9000 * 9000 > MAX_PIXELS
     for data, found in (("?", "base64"), ("AAAA", "no PNG"), (base64.b64encode(huge).decode(), "9000 x 9000")):
         with pytest.raises(ValueError, match=found):
-            drawn_strip([picture(data)], band, IDENTITY, 999)
+            drawn_strip([picture(data)], band, IDENTITY, Budget())
     good = text_of(np.zeros((4, 4, 4), np.uint8))
+    with pytest.raises(ValueError, match="too intricate"):
+        drawn_strip([picture(good)] * 3, band, IDENTITY, Budget(pixels=40))
     with pytest.raises(ValueError, match="damaged"):
-        drawn_strip([picture(good[:60])], band, IDENTITY, 999)
-    with pytest.raises(ValueError, match="no size"):
-        drawn_strip([picture(good, width="0")], band, IDENTITY, 999)
+        drawn_strip([picture(good[:60])], band, IDENTITY, Budget())
+    assert not drawn_strip([picture(good, width="0")], band, IDENTITY, Budget()).any()
 
 
 # ------------------------------------------------------------------------------------------- which strokes need a strip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from .cubics import fit_cubics
@@ -77,10 +79,16 @@ def exact_rings(xy, radius, closed: bool, tolerance: float) -> list[tuple[np.nda
     return [_evenly(ring, hard) for ring, hard, _ in neat]
 
 
-def winding_number(rings: np.ndarray, points: np.ndarray, offsets: np.ndarray | None = None) -> np.ndarray:
+def winding_number(
+    rings: np.ndarray,
+    points: np.ndarray,
+    offsets: np.ndarray | None = None,
+    spend: Callable[[int], None] = lambda pairs: None,
+) -> np.ndarray:
     """How often closed polygons go round each of the points (M, 2), (M,) int.
 
-    Polygon i is rows offsets[i]:offsets[i+1] of `rings` (n, 2); without offsets, all rows are one polygon.
+    Polygon i is rows offsets[i]:offsets[i+1] of `rings` (n, 2); without offsets, all rows are one polygon. `spend` is
+    told beforehand how many pairs of an edge and a point will be looked at, and may refuse.
     """
     offsets = np.array([0, len(rings)]) if offsets is None else offsets
     after, some = np.arange(1, len(rings) + 1), np.flatnonzero(np.diff(offsets))
@@ -91,6 +99,7 @@ def winding_number(rings: np.ndarray, points: np.ndarray, offsets: np.ndarray | 
     level = points[order, 1]
     first = np.searchsorted(level, low)  # an edge is crossed by points as high as its lower end, but not its upper
     count = np.searchsorted(level, high) - first
+    spend(int(count.sum()))
     edge = np.repeat(np.arange(len(rings)), count)
     at = order[np.arange(len(edge)) - np.repeat(np.cumsum(count) - count - first, count)]
     a, b, p = a[edge], b[edge], points[at]

@@ -30,8 +30,9 @@ def stroke_images(
             yield None
             continue
         if ink.plain[i]:
-            levels = FEW if ink.grain[i] > GRAIN else MANY
-            palette, place = ink_palette(ink.color[i], levels), np.rint(color[:, 3] * (levels - 1)).astype(np.uint8)
+            levels, most = FEW if ink.grain[i] > GRAIN else MANY, float(color[:, 3].max())
+            palette = ink_palette(ink.color[i], levels) * [1.0, 1.0, 1.0, most]  # a faint stroke has as many
+            place = np.rint(color[:, 3] / most * (levels - 1)).astype(np.uint8)
         else:
             colors = colors or Quantiser(_sample(texture.rgba))
             palette, place = colors.palette, colors.index(color)

@@ -97,6 +97,8 @@ def overlaps(band: Ribbon, margin: float) -> bool:
     s = np.linspace(0.0, band.length, max(3, int(np.ceil(band.length / step)) + 1))
     xy = np.stack([np.interp(s, band.along, column) for column in band.xy.T], axis=1)
     half = np.interp(s, band.along, band.half)
+    if band.length * half.mean() > 4.0 * np.prod(np.ptp(xy, axis=0) + 2.0 * half.max()):
+        return True  # there is no room for it beside itself
     i, j = cKDTree(xy).query_pairs(2.0 * half.max(), output_type="ndarray").T
     apart = s[j] - s[i]
     if band.closed:

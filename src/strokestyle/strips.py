@@ -64,7 +64,9 @@ def wider(strip: np.ndarray, columns: int) -> np.ndarray:
         return strip
     flat = strip.astype(np.float64)
     flat[..., :3] *= flat[..., 3:] / 255.0
-    flat = np.einsum("ca,nak->nck", _stretch(columns, strip.shape[1]), flat)
+    if strip.shape[1] > 1:
+        low, fraction = _places(columns, strip.shape[1])
+        flat = flat[:, low] * (1 - fraction)[:, None] + flat[:, low + 1] * fraction[:, None]
     flat[..., :3] /= np.maximum(flat[..., 3:] / 255.0, 1e-6)
     return np.rint(np.clip(flat, 0, 255)).astype(np.uint8)
 

@@ -44,10 +44,10 @@ from .svg_syntax import (
     quoted,
     transformed,
 )
-from .svg_texture import Shape, drawn_strip, rgb
+from .svg_texture import Budget, Shape, drawn_strip, foreign, rgb
 
 MAX_STROKES = 20_000
-MAX_TEXELS = 16_000_000  # of a drawing
+MAX_TEXELS = 64_000_000  # of a drawing, all strips as wide as the widest
 MAX_PATH = 1_000_000  # characters of a centre line, or of its widths
 MAX_PARTS = 1_000_000  # characters of the list of parts that are looked at
 MAX_PLACE = 1e6  # px from the canvas's origin, and the largest canvas
@@ -235,6 +235,8 @@ class _Reader:
             return
         ours = "data-ss-path" in attributes and tag in (*GROUPS, *SHAPES)
         state = self._inner(above, attributes)
+        a, b, c, d = state.matrix[:4]
+        state.gone |= abs(a * d - b * c) < 1e-12  # pressed flat: nothing of it is drawn
         if ours and state.visible and not state.gone:
             if len(self.strokes) >= MAX_STROKES:
                 raise ValueError(f"more than {MAX_STROKES} strokes: simplify the drawing first")
@@ -313,15 +315,14 @@ class _Reader:
                 "other programs' curves are drawn with --curves"
             )
         size, origin = self._canvas()
-        lines, names, texels = [], [], MAX_TEXELS
+        lines, names, budget = [], [], Budget()
         for found in self.strokes:
             try:
-                lines += _lines(found, origin, self.data, texels)
+                lines += _lines(found, origin, self.data, budget)
                 if lines[-1].art is not None and (points := self.effects.get(EFFECT + found.name, "")):
                     safe = re.fullmatch("[0-9., |-]*", points)
                     lines[-1] = replace(lines[-1], art=(*lines[-1].art[:2], points) if safe else None)
                 names += [found.name] * (len(lines) - len(names))
-                texels -= 0 if lines[-1].strip is None else lines[-1].strip[..., 0].size
             except ValueError as error:
                 which = f' id="{quoted(found.name)}"' if found.name else ""
                 raise ValueError(f"line {found.line}, stroke{which}: {error}") from None
@@ -368,7 +369,7 @@ class _Reader:
 # --------------------------------------------------------------------------------------------------------- a stroke
 
 
-def _lines(found: _Found, origin: tuple[float, float], data: bytes, texels: int = MAX_TEXELS) -> list[_Line]:
+def _lines(found: _Found, origin: tuple[float, float], data: bytes, budget: Budget) -> list[_Line]:
     """The stroke, and copies of it that are merged with it."""
     attributes, state = found.attributes, found.state
     closed = attributes.get("data-ss-closed", "") == "1"
@@ -380,13 +381,14 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, texels: int 
         color[3] = 0.0
     kind = kind_named(attributes.get("data-ss-class", ""))
     moves = _baked(found, closed)
-    strip, margin, most = None, 0.0, min(texels, STRIP_TEXELS)
+    strip, margin = None, 0.0
     if "data-ss-margin" in attributes:
         margin = _margin(attributes["data-ss-margin"])
     if "data-ss-texture" in attributes:
-        strip = read_strip(_base64(attributes["data-ss-texture"]), color[:3], most)
-    elif "data-ss-margin" in attributes:
-        strip = drawn_strip(found.shapes, ribbon(_alone(xy, width, closed), 0, margin), moves[0], most)
+        strip = read_strip(_base64(attributes["data-ss-texture"]), color[:3], min(budget.texels, STRIP_TEXELS))
+        budget.spend("texels", strip[..., 0].size)
+    elif "data-ss-margin" in attributes and not foreign(found.shapes):  # else flat ink is left
+        strip = drawn_strip(found.shapes, ribbon(_alone(xy, width, closed), 0, margin), moves[0], budget)
     if strip is not None and state.opacity < 1:
         strip = np.concatenate([strip[..., :3], np.rint(strip[..., 3:] * state.opacity).astype(np.uint8)], axis=2)
     art = None

@@ -129,6 +129,7 @@ def css_property(name: str, style: str, attributes: dict[str, str]) -> str:
 
 # ---------------------------------------------------------------------------------------- lengths and transforms
 
+ROUNDING = 0.01  # px that a shape's points may be off after another program's rounding, however small it was made
 SPACE = " \t\r\n\f"
 UNITS = {"": 1.0, "px": 1.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4, "q": 96 / 101.6, "pt": 96 / 72, "pc": 16.0}
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -396,7 +397,7 @@ def moved_by(then: np.ndarray, now: np.ndarray, line: np.ndarray | None = None, 
         spread = np.square(np.abs(source - source.mean())).sum()
         turn = ((b - b.mean()) * (source - source.mean()).conj()).sum() / max(spread, 1e-12)
         place = b.mean() - turn * source.mean()
-        if np.abs(turn * source + place - b).max() <= slack * max(abs(turn), 1.0):
+        if np.abs(turn * source + place - b).max() <= max(slack * abs(turn), ROUNDING):
             x, y = turn.real, turn.imag
             return (x, y, -y * mirror, x * mirror, place.real, place.imag)
     full = np.concatenate([then, np.ones((4, 1))], axis=1)
@@ -409,7 +410,9 @@ def moved_by(then: np.ndarray, now: np.ndarray, line: np.ndarray | None = None, 
         before, now = now, landmarks(line, (line - solved[2]) @ np.linalg.inv(solved[:2]))
         if np.abs(now - before).max() < 1e-3:
             break
-    if np.abs(full @ solved - now).max() > slack * max(1.0, np.abs(solved[:2]).max()):
+    # a map that shrinks must be met the better: else any small shape would do as what became of a large one
+    small, large = np.linalg.svd(solved[:2], compute_uv=False)[[1, 0]]
+    if np.abs(full @ solved - now).max() > max(slack * (large if small >= 1.0 else small), ROUNDING):
         return None
     return tuple(float(v) for v in (*solved[0], *solved[1], *solved[2]))
 

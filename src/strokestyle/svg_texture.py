@@ -8,8 +8,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import ImageColor
-from scipy import ndimage
+from PIL import Image, ImageColor
 
 from .outlines import winding_number
 from .palette import read_png
@@ -18,9 +17,26 @@ from .svg_syntax import MAX_TEXT, Affine, flatten, length, parse_path, transform
 
 DENSITY = 1.5  # texels a px, of what is drawn in tones
 MAX_PIXELS = 4_000_000  # of an image
+MAX_RINGS = 20_000  # of a tone
 CHORD = 0.05  # px between a region's edge and its polygon
 _TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
 _PNG = re.compile(r"\s*data:image/png;base64,")  # images of other sorts, and elsewhere, are not looked at
+
+
+@dataclass
+class Budget:
+    """What the textures of a file may take to read."""
+
+    texels: int = 16_000_000
+    pixels: int = 40_000_000  # of images
+    looks: int = 200_000_000  # at a texel for a tone, and at an edge of the tone at its height
+
+    def spend(self, what: str, amount: int) -> None:
+        """Raises ValueError where no more is left."""
+        left = getattr(self, what) - amount
+        if left < 0:
+            raise ValueError("the drawing's textures are too large or too intricate: simplify it first")
+        setattr(self, what, left)
 
 
 @dataclass(frozen=True)
@@ -42,7 +58,7 @@ class Shape:
     opacity: float
 
 
-def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, most: int) -> np.ndarray:
+def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget) -> np.ndarray:
     """What shapes show along a ribbon, (n, A, 4) uint8, texels as `Texture` has them.
 
     Parameters
@@ -50,28 +66,27 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, most: int) -> n
     shapes : from the lowest to the uppermost
     band : the stroke's ribbon, before it was moved
     move : from there to the stroke's coordinates in the file
-    most : texels
+    budget : what is left of it
 
     Raises
     ------
     ValueError
-        on an image or a path that cannot be read, or where more texels would be needed.
+        on an image or a path that cannot be read, or where the budget is spent.
     """
-    shapes = [shape for shape in shapes if shape.tag == "path" or _PNG.match(_href(shape.attributes))]
-    images = [decoded(shape.attributes) if shape.tag == "image" else None for shape in shapes]
+    shapes = [shape for shape in shapes if _shows(shape)]
+    images = [decoded(shape.attributes, budget) if shape.tag == "image" else None for shape in shapes]
     density = max((_density(shape, image) for shape, image in zip(shapes, images, strict=True)), default=DENSITY)
     rows, columns = (max(2, int(np.ceil(density * side))) for side in (band.length, 2.0 * band.half.max()))
-    if rows * columns > most:
-        raise ValueError(f"its texture of {rows} x {columns} texels is too large")
+    budget.spend("texels", rows * columns)
     color = np.zeros((rows, columns, 4))  # premultiplied
     points = transformed(move, strip_points(band, rows, columns))
     for shape, image in zip(shapes, images, strict=True):
         at = transformed(_inverse(shape.matrix), points)
         if image is not None:
-            over = _sampled(image, shape.attributes, at)
+            over = _sampled(np.asarray(image.convert("RGBA")), shape.attributes, at)
         else:
             # in or out: half-tones at the edges would wear a region away each time that it is read and contoured
-            inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2)).reshape(rows, columns)
+            inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2), budget).reshape(rows, columns)
             over = inside[..., None] * np.r_[rgb(shape.fill), 1.0]
         over = shape.opacity * over
         color = over + (1.0 - over[..., 3:]) * color
@@ -79,17 +94,20 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, most: int) -> n
     return np.rint(255 * np.clip(straight, 0, 1)).astype(np.uint8)
 
 
-def covered(d: str, points: np.ndarray) -> np.ndarray:
+def covered(d: str, points: np.ndarray, budget: Budget) -> np.ndarray:
     """Which of the points (M, 2) path data fills by the nonzero rule, (M,) bool. Raises ValueError."""
+    budget.spend("looks", len(points))
     rings, offsets = _tone_rings(d) if len(d) <= MAX_TEXT and _TONES.fullmatch(d) else _rings(d)
-    return winding_number(rings, points, offsets) != 0
+    return winding_number(rings, points, offsets, lambda pairs: budget.spend("looks", pairs)) != 0
 
 
 def _tone_rings(d: str) -> tuple[np.ndarray, np.ndarray]:
     """Polygons (n, 2) and their offsets of path data as tones.py writes it; two chords a curve."""
+    if d.count("z") > MAX_RINGS or re.search("[0-9]{7}", d):
+        return _rings(d)  # not ours: what is wrong with it is said there
     rings = [np.array(re.findall("-?[0-9]+", ring), np.float64) for ring in d.split("z")[:-1]]
     if any(len(ring) < 8 or len(ring) % 2 for ring in rings):
-        return _rings(d)  # not ours: what is wrong with it is said there
+        return _rings(d)
     rings = [ring.reshape(-1, 2) for ring in rings]
     count = np.array([len(ring) for ring in rings]) - 2  # pieces: less the jump and the first control point
     begin = np.cumsum([ring[0] for ring in rings], axis=0)  # a ring ends where it begins
@@ -112,13 +130,15 @@ def _rings(d: str) -> tuple[np.ndarray, np.ndarray]:
     return flatten(cubics, np.cumsum([0] + [len(subpath) for subpath in subpaths]), CHORD)
 
 
-def decoded(attributes: dict[str, str]) -> np.ndarray:
-    """The pixels of an image element that holds a PNG, straight (h, w, 4) float32 in [0, 1]. Raises ValueError."""
+def decoded(attributes: dict[str, str], budget: Budget) -> Image.Image:
+    """The PNG in an image element. Raises ValueError."""
     try:
         data = base64.b64decode(re.sub(r"\s+", "", _PNG.sub("", _href(attributes))), validate=True)
     except (binascii.Error, ValueError):
         raise ValueError("its image is no base64") from None
-    return np.asarray(read_png(data, MAX_PIXELS, "image").convert("RGBA"), np.float32) / np.float32(255)
+    image = read_png(data, MAX_PIXELS, "image")
+    budget.spend("pixels", image.width * image.height)
+    return image
 
 
 def _href(attributes: dict[str, str]) -> str:
@@ -127,55 +147,75 @@ def _href(attributes: dict[str, str]) -> str:
 
 def _box(attributes: dict[str, str]) -> list[float]:
     """x, y, width and height of an image."""
-    box = [length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height")]
-    if min(box[2:]) <= 0:
-        raise ValueError("its image has no size")
-    return box
+    return [length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height")]
 
 
-def _density(shape: Shape, image: np.ndarray | None) -> float:
+def foreign(shapes: list[Shape]) -> bool:
+    """Whether the look of a stroke is in images that are not looked at: of another sort than PNG, or elsewhere."""
+    images = [shape for shape in shapes if shape.tag == "image"]
+    return len(images) == len(shapes) > 0 and not any(_PNG.match(_href(shape.attributes)) for shape in images)
+
+
+def _shows(shape: Shape) -> bool:
+    """Whether anything of a shape is drawn that is in the file itself."""
+    a, b, c, d = shape.matrix[:4]
+    if abs(a * d - b * c) < 1e-12:
+        return False
+    return shape.tag == "path" or (_PNG.match(_href(shape.attributes)) and min(_box(shape.attributes)[2:]) > 0)
+
+
+def _density(shape: Shape, image: Image.Image | None) -> float:
     """Texels a px that a shape is worth."""
     if image is None:
         return DENSITY
     a, b, c, d = shape.matrix[:4]
-    pixels = np.sqrt(image.shape[0] * image.shape[1] / np.prod(_box(shape.attributes)[2:]))
+    pixels = np.sqrt(image.width * image.height / np.prod(_box(shape.attributes)[2:]))
     return float(np.clip(pixels / max(np.sqrt(abs(a * d - b * c)), 1e-6), 0.5, 4.0))
 
 
 def _sampled(image: np.ndarray, attributes: dict[str, str], at: np.ndarray) -> np.ndarray:
-    """An image at points (..., 2), by cubic splines, nothing outside it: (..., 4) premultiplied."""
+    """An image at points (..., 2), bicubically (Keys 1981), nothing outside it: (..., 4) premultiplied."""
     x, y, width, height = _box(attributes)
-    column = (at[..., 0] - x) / width * image.shape[1] - 0.5
-    row = (at[..., 1] - y) / height * image.shape[0] - 0.5
-
-    def seen(channel):
-        found = ndimage.map_coordinates(channel, [row, column], np.float32, order=3, mode="grid-constant")
-        return np.clip(found, 0.0, 1.0)[..., None]
-
-    alpha, ink = seen(image[..., 3]), _one_ink(image)
+    row, vertical = _cubic((at[..., 1] - y) / height * image.shape[0] - 0.5, image.shape[0])
+    column, across = _cubic((at[..., 0] - x) / width * image.shape[1] - 0.5, image.shape[1])
+    texel = image[row[..., :, None], column[..., None, :]]
+    ink = _one_ink(texel.reshape(-1, 4))
+    texel = texel.astype(np.float32) / np.float32(255)
+    weight = (vertical[..., :, None] * across[..., None, :])[..., None]
+    texel[..., :3] *= texel[..., 3:]
+    color = np.clip((texel * weight).sum(axis=(-3, -2)), 0.0, 1.0)
     if ink is not None:
-        return alpha * np.r_[ink, 1.0]
-    color = np.concatenate([seen(image[..., k] * image[..., 3]) for k in range(3)], axis=-1)
-    return np.concatenate([np.minimum(color, alpha), alpha], axis=-1)
+        return color[..., 3:] * np.r_[ink, 1.0]
+    return np.minimum(color, color[..., 3:])
 
 
-def _one_ink(image: np.ndarray) -> np.ndarray | None:
-    """The one colour (3,) of a straight RGBA image, where it has no more."""
-    ink = image[image[..., 3] > 0][:, :3]
-    return ink[0] if len(ink) and (ink == ink[0]).all() else None
+def _cubic(at: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The four pixels (..., 4) that a place between pixels is told from, and their weights, 0 for those outside."""
+    first = np.floor(np.clip(at, -3.0, size + 2.0))
+    t = np.clip(at - first, 0.0, 1.0).astype(np.float32)
+    weight = np.stack([
+        ((2.0 - t) * t - 1.0) * t, (3.0 * t - 5.0) * t * t + 2.0, ((4.0 - 3.0 * t) * t + 1.0) * t, (t - 1.0) * t * t
+    ], axis=-1)  # fmt: skip
+    place = first.astype(np.int64)[..., None] + np.arange(-1, 3)
+    inside = (place >= 0) & (place < size)
+    return np.where(inside, place, 0), np.where(inside, 0.5 * weight, 0.0)
+
+
+def _one_ink(texels: np.ndarray) -> np.ndarray | None:
+    """The one colour (3,) in [0, 1] of straight RGBA texels (n, 4) uint8, where they have no more."""
+    ink = texels[texels[:, 3] > 0, :3]
+    return ink[0] / 255.0 if len(ink) and (ink == ink[0]).all() else None
 
 
 def _inverse(matrix: Affine) -> Affine:
     a, b, c, d, e, f = matrix
     det = a * d - b * c
-    if abs(det) < 1e-12:
-        raise ValueError("one of its transforms leaves nothing of it")
     return (d / det, -b / det, -c / det, a / det, (c * f - d * e) / det, (b * e - a * f) / det)
 
 
 def rgb(fill: str) -> np.ndarray:
     """A CSS colour as (r, g, b) in [0, 1]; black where it is none that we know."""
     try:
-        return np.array(ImageColor.getrgb(fill[:60])[:3]) / 255.0
+        return np.clip(np.array(ImageColor.getrgb(fill[:60])[:3], np.float64) / 255.0, 0.0, 1.0)
     except ValueError:
         return np.zeros(3)

@@ -114,10 +114,15 @@ class Scene:
 
         result = self._reached(eye, position + normal * np.where(sharp, 0.0, LIFT * edge)[:, None], near_itself)
         if self.component is not None:
-            # another body's skin may lie within the lift: cloth over skin, a coin sunk in its rim
+            # another body's skin may lie within the lift: cloth over skin, a coin sunk in its rim. Facets lie below the
+            # smooth surface by their sag, edge^2 / 8 radius: from there, even a body of the same shape would hide it
             lifted = np.flatnonzero(result & ~sharp)
+            corner = self.normals[self.faces[face[lifted]]]
+            spread = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+            sag = np.minimum(spread / 8.0, LIFT) * edge[lifted]
             own = self.component[face[lifted]]
-            result[lifted] = self._reached(eye, position[lifted], lambda k, hit, gap: self.component[hit] == own[k])
+            target = position[lifted] + normal[lifted] * sag[:, None]
+            result[lifted] = self._reached(eye, target, lambda k, hit, gap: self.component[hit] == own[k])
         return result
 
     def _reached(self, eye: np.ndarray, target: np.ndarray, ignore) -> np.ndarray:
