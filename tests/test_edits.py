@@ -293,6 +293,13 @@ def test_edits_keep_parts(edit):
     assert edit(drawing, None).parts is drawing.parts
 
 
+def test_a_part_may_be_called_as_a_length_is():
+    drawing = replace(small(None), parts=Parts(("a<20", "b"), [0, 1, 1, 0, 1]))
+    sheet = edits.Sheet(drawing, ("",) * 5)
+    assert len(edits.parse_edit("drop", "a<20")(sheet, 0).ids) == 3
+    assert len(edits.parse_edit("drop", "b<20")(sheet, 0).ids) == 5  # none of b is so short
+
+
 def test_a_name_of_a_kind_and_a_part_is_the_kind():
     drawing = replace(small(None), parts=Parts(("contour", "x"), [1, 0, 1, 0, 0]))
     assert edits.named(drawing, "contour").tolist() == (drawing.strokes.kind == CONTOUR).tolist()

@@ -342,8 +342,11 @@ def _parse_drop(text: str) -> Edit:
         )
 
     def apply(sheet: Sheet, seed: int) -> Sheet:
-        gone = np.ones(len(sheet.drawing.strokes), bool) if which is None else named(sheet.drawing, which)
-        if match[2]:
+        parts = sheet.drawing.parts
+        whole = parts is not None and part_name(text) in parts.names  # a part may be called "a<20"
+        asked = text if whole else which
+        gone = np.ones(len(sheet.drawing.strokes), bool) if asked is None else named(sheet.drawing, asked)
+        if match[2] and not whole:
             long = lengths(sheet.drawing)
             gone &= long < float(match[3]) if match[2] == "<" else long > float(match[3])
         ids = tuple(name for name, out in zip(sheet.ids, gone.tolist(), strict=True) if not out)

@@ -248,12 +248,6 @@ def visible_fragments(
     return sight.fragments(lines, sight.seen)[:2]
 
 
-def hidden_fragments(surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Scene) -> Curves:
-    """The parts of lines on a surface that are on the canvas but hidden: what `visible_fragments` leaves of them."""
-    sight = _sight(surface, camera, lines, scene)
-    return sight.fragments(lines, sight.hidden)[0]
-
-
 @dataclass(frozen=True)
 class _Sight:
     """What a camera sees of lines, at M points along them.
