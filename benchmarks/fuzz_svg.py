@@ -51,7 +51,18 @@ def png(width: int, height: int, body: bytes, bits: int = 4) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
-HEAVY = ("many points", "many elements", "many strokes", "huge attribute", "svgz bomb", "texture bomb")
+HEAVY = (
+    "images of many",
+    "huge tone",
+    "high tone",
+    "tones of many",
+    "many points",
+    "many elements",
+    "many strokes",
+    "huge attribute",
+    "svgz bomb",
+    "texture bomb",
+)
 
 
 def hostile(rng: np.random.Generator, text: str, without=()) -> tuple[str, bytes]:
