@@ -217,7 +217,7 @@ file_options = _options(
         "--texture-res",
         type=click.FloatRange(0.1, 16),
         metavar="R",
-        help="Pixels of an image texture per pixel.  [default: 1.5]",
+        help="Pixels of an image texture per pixel.  [default: 1.75]",
     ),
     click.option(
         "--tolerance",

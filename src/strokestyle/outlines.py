@@ -93,20 +93,23 @@ def winding_number(
     offsets = np.array([0, len(rings)]) if offsets is None else offsets
     after, some = np.arange(1, len(rings) + 1), np.flatnonzero(np.diff(offsets))
     after[offsets[1:][some] - 1] = offsets[:-1][some]
-    a, b = rings, rings[after]
-    low, high = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
+    (ax, ay), (bx, by) = rings.T, rings[after].T
     order = np.argsort(points[:, 1], kind="stable")
-    level = points[order, 1]
-    first = np.searchsorted(level, low)  # an edge is crossed by points as high as its lower end, but not its upper
-    count = np.searchsorted(level, high) - first
+    x, y = points[order].T
+    low, high = np.minimum(ay, by), np.maximum(ay, by)
+    first = np.searchsorted(y, low)  # an edge is crossed by points as high as its lower end, but not its upper
+    count = np.searchsorted(y, high) - first
     spend(int(count.sum()))
-    edge = np.repeat(np.arange(len(rings)), count)
-    at = order[np.arange(len(edge)) - np.repeat(np.cumsum(count) - count - first, count)]
-    a, b, p = a[edge], b[edge], points[at]
-    side = (b[:, 0] - a[:, 0]) * (p[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (p[:, 0] - a[:, 0])
-    up = b[:, 1] > a[:, 1]
-    turns = np.where(up & (side > 0), 1.0, np.where(~up & (side < 0), -1.0, 0.0))
-    return np.rint(np.bincount(at, turns, len(points))).astype(np.int64)
+    crossed = np.flatnonzero(count)
+    first, count = first[crossed], count[crossed]
+    dx, dy = (bx - ax)[crossed], (by - ay)[crossed]
+    at = counting(count) + np.repeat(first, count)
+    # where a point's level meets the edge: round a point that lies to the left of it, the edge turns
+    meets = np.repeat(ax[crossed], count) + (y[at] - np.repeat(ay[crossed], count)) * np.repeat(dx / dy, count)
+    turns = np.bincount(at, np.where(x[at] < meets, np.repeat(np.sign(dy), count), 0.0), len(points))
+    winding = np.empty(len(points), np.int64)
+    winding[order] = np.rint(turns).astype(np.int64)
+    return winding
 
 
 def _evenly(ring, hard):

@@ -13,15 +13,15 @@ from .strokes import Drawing
 
 ONE_INK = 1.5 / 255  # rms; colours nearer than this to the stroke's ink need no palette: the PNG is its opacity
 SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
-COLORS = 16  # what 4 bits a texel hold
+LEVELS, FEW, COLORS = 16, 6, 16  # what 4 bits a texel hold; few levels are half the text
 MAX_TEXELS = 2_000_000  # of a strip
 WAYS = [(0, zlib.Z_DEFAULT_STRATEGY), (2, zlib.Z_DEFAULT_STRATEGY)]  # of packing its PNG; the smaller is kept
 
 
-def strips_png(drawing: Drawing, index=None) -> list[bytes]:
+def strips_png(drawing: Drawing, index=None, levels: int = LEVELS) -> list[bytes]:
     """The strips of all strokes, or of those of `index`, as PNG.
 
-    x runs along the stroke, one texel a px; grey is opacity in the stroke's ink.
+    x runs along the stroke, one texel a px; grey is opacity in the stroke's ink, in so many `levels`.
     """
     texture, made = drawing.texture, []
     for i in range(len(drawing.strokes)) if index is None else np.asarray(index).tolist():
@@ -30,8 +30,8 @@ def strips_png(drawing: Drawing, index=None) -> list[bytes]:
         alpha = strip[..., 3]
         stray = np.square((strip[..., :3] - drawing.color[i, :3]) * alpha[..., None]).sum()
         if stray <= 3 * ONE_INK**2 * max(np.square(alpha).sum(), 1e-9):
-            level = np.rint(15 * np.clip(_smaller(alpha, rows, columns), 0, 1))
-            made.append(png(level.astype(np.uint8).T, None, 4, WAYS))
+            level = np.rint(np.clip(_smaller(alpha, rows, columns), 0, 1) * (levels - 1)) / (levels - 1)
+            made.append(png(np.rint(15 * level).astype(np.uint8).T, None, 4, WAYS))
         else:
             strip[..., :3] *= alpha[..., None]
             small = np.stack([_smaller(strip[..., k], rows, columns) for k in range(4)], axis=-1)

@@ -20,7 +20,7 @@ from .outlines import outlines
 from .parts import Parts
 from .pictures import stroke_images
 from .ribbons import overlaps, ribbon
-from .strips import strips_png
+from .strips import FEW, LEVELS, strips_png
 from .strokes import Drawing, Strokes, paint_order
 from .svg_lines import EFFECT, effect, plotter_svg, power_strokes
 from .svg_page import Mark, SvgOptions, document, layered
@@ -77,7 +77,8 @@ def write_svg(
         # what is drawn shows the texture, and is where a reader finds it, but for strokes that lie on themselves
         hidden = {i for i in new.tolist() if _overlaps(drawing, i)}
         kept = np.array([i for i in order.tolist() if i in hidden or strips], np.int64)
-        for i, strip in zip(kept.tolist(), strips_png(drawing, kept), strict=True):
+        levels = FEW if options.texture == "vector" and not strips else LEVELS  # a few tones need no more
+        for i, strip in zip(kept.tolist(), strips_png(drawing, kept, levels), strict=True):
             tag, markup, *points = drawn[i]
             if " data-ss-texture=" not in markup:
                 name = "data-ss-texture" if i in hidden else "data-ss-strip"

@@ -71,7 +71,7 @@ class SvgOptions:
 
     texture: str = "auto"
     tones: int = 3
-    texture_res: float = 1.5
+    texture_res: float = 1.75
     decimals: int = 2
     tolerance: float = 0.1
     layers: str = "kind"

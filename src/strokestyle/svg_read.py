@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import binascii
 import hashlib
 import math
 import re
@@ -34,7 +32,6 @@ from .svg_syntax import (
     first_line,
     flatten,
     landmarks,
-    length,
     limited,
     moved_by,
     page_length,
@@ -44,14 +41,13 @@ from .svg_syntax import (
     quoted,
     transformed,
 )
-from .svg_texture import Budget, Shape, drawn_strip, foreign, rgb
+from .svg_texture import CHORD, Budget, Shape, drawn_strip, foreign, from_base64, image_box, rgb
 
 MAX_STROKES = 20_000
 MAX_TEXELS = 64_000_000  # of a drawing, all strips as wide as the widest
 MAX_PATH = 1_000_000  # characters of a centre line, or of its widths
 MAX_PARTS = 1_000_000  # characters of the list of parts that are looked at
 MAX_PLACE = 1e6  # px from the canvas's origin, and the largest canvas
-CHORD = 0.05  # px between a curved centre line and its chords
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
 SHAPES = ("path", "line", "polyline", "polygon", "rect", "circle", "ellipse", "image", "text", "use", "svg")
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
@@ -385,7 +381,11 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, budget: Budg
     if "data-ss-margin" in attributes:
         margin = _margin(attributes["data-ss-margin"])
     if "data-ss-texture" in attributes:
-        strip = read_strip(_base64(attributes["data-ss-texture"]), color[:3], min(budget.texels, STRIP_TEXELS))
+        strip = read_strip(
+            from_base64(attributes["data-ss-texture"].split(",", 1)[-1], "texture"),
+            color[:3],
+            min(budget.texels, STRIP_TEXELS),
+        )
         budget.spend("texels", strip[..., 0].size)
     elif "data-ss-margin" in attributes and not foreign(found.shapes):  # else flat ink is left
         strip = drawn_strip(found.shapes, ribbon(_alone(xy, width, closed), 0, margin), moves[0], budget)
@@ -515,7 +515,7 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
         if then.shape != (4, 2) or not (np.abs(then) <= MAX_PLACE).all():
             return [IDENTITY]
         if first.tag == "image":
-            x, y, w, h = (length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height"))
+            x, y, w, h = image_box(attributes)
             now = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
             return [moved_by(then, transformed(first.matrix, now)) or IDENTITY]
         d, rings = attributes.get("d", ""), 2 if closed else 1  # in an outline
@@ -601,10 +601,3 @@ def _margin(text: str) -> float:
     if len(values) != 1 or not 0 <= values[0] <= MAX_MARGIN:
         raise ValueError(f'bad data-ss-margin "{quoted(text)}": expected a number between 0 and {MAX_MARGIN:g}')
     return values[0]
-
-
-def _base64(text: str) -> bytes:
-    try:
-        return base64.b64decode(text.split(",", 1)[-1], validate=True)
-    except (binascii.Error, ValueError):
-        raise ValueError("its texture is no base64") from None

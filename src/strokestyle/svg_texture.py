@@ -18,7 +18,7 @@ from .svg_syntax import MAX_TEXT, Affine, flatten, length, parse_path, transform
 DENSITY = 1.5  # texels a px, of what is drawn in tones
 MAX_PIXELS = 4_000_000  # of an image
 MAX_RINGS = 20_000  # of a tone
-CHORD = 0.05  # px between a region's edge and its polygon
+CHORD = 0.05  # px between a curve and its chords
 _TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
 _PNG = re.compile(r"\s*data:image/png;base64,")  # images of other sorts, and elsewhere, are not looked at
 
@@ -132,20 +132,23 @@ def _rings(d: str) -> tuple[np.ndarray, np.ndarray]:
 
 def decoded(attributes: dict[str, str], budget: Budget) -> Image.Image:
     """The PNG in an image element. Raises ValueError."""
-    try:
-        data = base64.b64decode(re.sub(r"\s+", "", _PNG.sub("", _href(attributes))), validate=True)
-    except (binascii.Error, ValueError):
-        raise ValueError("its image is no base64") from None
-    image = read_png(data, MAX_PIXELS, "image")
+    image = read_png(from_base64(_PNG.sub("", _href(attributes)), "image"), MAX_PIXELS, "image")
     budget.spend("pixels", image.width * image.height)
     return image
+
+
+def from_base64(text: str, what: str) -> bytes:
+    try:
+        return base64.b64decode(re.sub(r"\s+", "", text), validate=True)
+    except (binascii.Error, ValueError):
+        raise ValueError(f"its {what} is no base64") from None
 
 
 def _href(attributes: dict[str, str]) -> str:
     return attributes.get("http://www.w3.org/1999/xlink}href", attributes.get("href", ""))
 
 
-def _box(attributes: dict[str, str]) -> list[float]:
+def image_box(attributes: dict[str, str]) -> list[float]:
     """x, y, width and height of an image."""
     return [length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height")]
 
@@ -161,7 +164,7 @@ def _shows(shape: Shape) -> bool:
     a, b, c, d = shape.matrix[:4]
     if abs(a * d - b * c) < 1e-12:
         return False
-    return shape.tag == "path" or (_PNG.match(_href(shape.attributes)) and min(_box(shape.attributes)[2:]) > 0)
+    return shape.tag == "path" or (_PNG.match(_href(shape.attributes)) and min(image_box(shape.attributes)[2:]) > 0)
 
 
 def _density(shape: Shape, image: Image.Image | None) -> float:
@@ -169,13 +172,13 @@ def _density(shape: Shape, image: Image.Image | None) -> float:
     if image is None:
         return DENSITY
     a, b, c, d = shape.matrix[:4]
-    pixels = np.sqrt(image.width * image.height / np.prod(_box(shape.attributes)[2:]))
+    pixels = np.sqrt(image.width * image.height / np.prod(image_box(shape.attributes)[2:]))
     return float(np.clip(pixels / max(np.sqrt(abs(a * d - b * c)), 1e-6), 0.5, 4.0))
 
 
 def _sampled(image: np.ndarray, attributes: dict[str, str], at: np.ndarray) -> np.ndarray:
     """An image at points (..., 2), bicubically (Keys 1981), nothing outside it: (..., 4) premultiplied."""
-    x, y, width, height = _box(attributes)
+    x, y, width, height = image_box(attributes)
     row, vertical = _cubic((at[..., 1] - y) / height * image.shape[0] - 0.5, image.shape[0])
     column, across = _cubic((at[..., 0] - x) / width * image.shape[1] - 0.5, image.shape[1])
     texel = image[row[..., :, None], column[..., None, :]]

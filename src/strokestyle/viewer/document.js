@@ -232,7 +232,7 @@ function colorPng({ rows, columns, data }) {
 
 /** The stroke as a raster of its own. */
 async function writeImage(element, mark, options) {
-  const resolution = Number(options.get("texture_res") ?? 2);
+  const resolution = Number(options.get("texture_res") ?? 1.75);
   const view = { scale: resolution, x: 0, y: 0 };
   const made = pixelsOf(mark, view, boxOf(mark, view));
   let png;

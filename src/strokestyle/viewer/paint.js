@@ -200,31 +200,38 @@ function scan(mark, view, { x0, y0, w, h }, corner, stride) {
 }
 
 const tint = { r: 0, g: 0, b: 0 };
+const spot = { i: 0, j: 0, k: 0, l: 0, right: 0, down: 0 }; // what `find` found: no new object for every pixel
+
+/** The four texels of a strip (rows, columns) round a row and v in [-1, 1], and how far right and down between them. */
+function find(rows, columns, row, v, wrap) {
+  const column = (v + 1) * 0.5 * columns - 0.5;
+  const [r, c] = [Math.floor(row), Math.floor(column)];
+  const r0 = (r >= 0 ? r : wrap ? rows - 1 : 0) * columns;
+  const r1 = (r + 1 < rows ? r + 1 : wrap ? 0 : rows - 1) * columns;
+  const c0 = c < 0 ? 0 : c;
+  const c1 = c + 1 < columns ? c + 1 : columns - 1;
+  spot.right = column - c;
+  spot.down = row - r;
+  spot.i = r0 + c0;
+  spot.j = r0 + c1;
+  spot.k = r1 + c0;
+  spot.l = r1 + c1;
+}
 
 /** The opacity, 0 .. 1, of texels of one ink, bytes (rows, columns), at a row and v in [-1, 1], bilinear. */
 function opacityAt(alpha, rows, columns, row, v, wrap) {
-  const column = (v + 1) * 0.5 * columns - 0.5;
-  let [r0, c0] = [Math.floor(row), Math.floor(column)];
-  const [down, right] = [row - r0, column - c0];
-  const r1 = (r0 + 1 < rows ? r0 + 1 : wrap ? 0 : rows - 1) * columns;
-  r0 = (r0 >= 0 ? r0 : wrap ? rows - 1 : 0) * columns;
-  const c1 = c0 + 1 < columns ? c0 + 1 : columns - 1;
-  c0 = c0 < 0 ? 0 : c0;
-  const top = alpha[r0 + c0] + right * (alpha[r0 + c1] - alpha[r0 + c0]);
-  const low = alpha[r1 + c0] + right * (alpha[r1 + c1] - alpha[r1 + c0]);
+  find(rows, columns, row, v, wrap);
+  const { i, j, k, l, right, down } = spot;
+  const top = alpha[i] + right * (alpha[j] - alpha[i]);
+  const low = alpha[k] + right * (alpha[l] - alpha[k]);
   return (top + down * (low - top)) * (1 / 255);
 }
 
 /** The same of premultiplied RGBA texels; the colours go to `tint`. */
 function colorAt(data, rows, columns, row, v, wrap) {
-  const column = (v + 1) * 0.5 * columns - 0.5;
-  let [r0, c0] = [Math.floor(row), Math.floor(column)];
-  const [down, right] = [row - r0, column - c0];
-  const r1 = (r0 + 1 < rows ? r0 + 1 : wrap ? 0 : rows - 1) * columns;
-  r0 = (r0 >= 0 ? r0 : wrap ? rows - 1 : 0) * columns;
-  const c1 = c0 + 1 < columns ? c0 + 1 : columns - 1;
-  c0 = c0 < 0 ? 0 : c0;
-  const [i, j, k, l] = [4 * (r0 + c0), 4 * (r0 + c1), 4 * (r1 + c0), 4 * (r1 + c1)];
+  find(rows, columns, row, v, wrap);
+  const { right, down } = spot;
+  const [i, j, k, l] = [4 * spot.i, 4 * spot.j, 4 * spot.k, 4 * spot.l];
   const w11 = (right * down) / 255;
   const [w01, w10] = [right / 255 - w11, down / 255 - w11];
   const w00 = 1 / 255 - w01 - w10 - w11;
