@@ -75,13 +75,13 @@ def write_svg(
         drawn[i] = stroke
     if options.texture != "none":
         # what is drawn shows the texture, and is where a reader finds it, but for strokes that lie on themselves
-        hidden = {i for i in new.tolist() if _overlaps(drawing, i)}
-        kept = np.array([i for i in order.tolist() if i in hidden or strips], np.int64)
-        levels = FEW if options.texture == "vector" and not strips else LEVELS  # a few tones need no more
-        for i, strip in zip(kept.tolist(), strips_png(drawing, kept, levels), strict=True):
-            tag, markup, *points = drawn[i]
-            if " data-ss-texture=" not in markup:
-                name = "data-ss-texture" if i in hidden else "data-ss-strip"
+        lying = [i for i in new.tolist() if _overlaps(drawing, i)]
+        kept = {i for i, (_, markup, *_) in drawn.items() if " data-ss-texture=" in markup}.union(lying)
+        others = [i for i in order.tolist() if i not in kept] if strips else []
+        few = FEW if options.texture == "vector" else LEVELS  # a few tones need no more
+        for name, index, levels in (("data-ss-texture", lying, few), ("data-ss-strip", others, LEVELS)):
+            for i, strip in zip(index, strips_png(drawing, index, levels), strict=True):
+                tag, markup, *points = drawn[i]
                 drawn[i] = (tag, f' {name}="{base64.b64encode(strip).decode("ascii")}"{markup}', *points)
     marks, effects = [], ""
     for i in order.tolist():
