@@ -22,6 +22,7 @@ from strokestyle.painting import rasterise
 from strokestyle.parts import Parts
 from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.svg import png_from_svg, read, save_svg
+from strokestyle.tones import _fitted
 
 SIZE = (160, 120)
 TEXTURES = (None, "grain", "colours")
@@ -263,6 +264,19 @@ def test_what_the_page_paints_is_the_drawing(opened):
             wanted = rasterise(read(write_svg(drawn)), scale, (1.0, 1.0, 1.0)).astype(float)
             error = np.abs(painted(browser, scale) - wanted)
             assert error.mean() < 0.4 and (error > 40).mean() < 1e-3, (TEXTURES[i], scale)
+
+
+@in_browser
+def test_edges_of_tones_are_those_of_the_command(opened):
+    angle = np.linspace(0, 2 * np.pi, 101)
+    radius = 30 + 4 * np.sin(5 * angle) + 2 * np.cos(9 * angle)
+    ring = 50 + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    keep = np.isin(np.arange(101), [0, 6, 13, 17, 24, 29, 37, 42, 50, 55, 63, 68, 75, 83, 90, 96])
+    wanted = _fitted(ring, np.array([0, 101]), keep, np.array([0, 16]))
+    browser = opened(write_svg(drawing(None)))
+    x, y = ring.T.tolist()
+    got = browser.run(f"fitted({x}, {y}, {np.flatnonzero(keep).tolist()})")
+    assert np.abs(np.array(got) - wanted).max() < 0.01
 
 
 @in_browser

@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
+from scipy.spatial import cKDTree
 from stroke_zoo import stroke, together, zoo
 
+from strokestyle.curves import simplify_all
 from strokestyle.painting import rasterise
 from strokestyle.strokes import Drawing, Texture
 from strokestyle.svg import png_from_svg, write_svg
-from strokestyle.tones import tone_paths, tones
+from strokestyle.tones import _fitted, tone_paths, tones
 
 
 def inked(line, margin=2.0, columns=12, edge=0.75):
@@ -81,6 +84,29 @@ def test_opacities_of_a_texture_in_tones_are_found_again(share):
     level = 255 * (1 - np.cumprod(1 - regions.opacity[0]))[: len(shown)]
     assert level == pytest.approx(shown, abs=0.6)
     assert np.unique(regions.tone).tolist() == list(range(len(shown)))  # and there are no more
+
+
+def test_edges_are_fitted_to_the_whole_contour(monkeypatch):
+    rng = np.random.default_rng(0)
+    angle = np.linspace(0, 2 * np.pi, 401)
+    radius = 30 + ndimage.gaussian_filter1d(rng.normal(0, 5, 400), 6, mode="wrap")[np.r_[:400, 0]]
+    ring = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    two, ends = np.concatenate([ring, ring[::2] + 100]), np.array([0, 401, 602])  # contours do not touch each other
+    keep = simplify_all(two, ends, 0.4)
+    keep[ends[1:] - 1] = False
+    offsets = np.r_[0, np.cumsum(keep)][ends]
+
+    def errors():
+        control = _fitted(two, ends, keep, offsets)
+        for k, xy in enumerate((ring, ring[::2] + 100)):
+            here = control[offsets[k] : offsets[k + 1]][:, None]
+            before, after, t = np.roll(here, 1, axis=0), np.roll(here, -1, axis=0), np.linspace(0, 1, 20)[:, None]
+            spline = 0.5 * (1 - t) ** 2 * before + (0.5 + t * (1 - t)) * here + 0.5 * t * t * after
+            yield np.sqrt(np.square(cKDTree(spline.reshape(-1, 2)).query(xy)[0]).mean())
+
+    fitted = np.array(list(errors()))
+    monkeypatch.setattr("strokestyle.tones.HELD", 1e9)  # through the points that were kept, and no others
+    assert (fitted < 0.2).all() and (fitted < 0.9 * np.array(list(errors()))).all()
 
 
 def test_dense_grain_is_simplified_until_it_fits(monkeypatch):

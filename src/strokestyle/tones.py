@@ -11,8 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array, identity
+from scipy.sparse.linalg import spsolve
 
-from .curves import counting, owner, simplify_all, take_ragged
+from .curves import arc, counting, owner, simplify_all, take_ragged
 from .inks import inks
 from .isolines import isolines
 from .ribbons import Ribbon, ribbon
@@ -20,8 +22,9 @@ from .strokes import Drawing
 
 UNIT = 0.15  # px, of path data; the polygons' points have even numbers of it, so that the middles of sides are whole
 SLACK = 3.0  # times the tolerance of an outline: how far the edge of a tone may be off
-POINTS = 80_000  # of all polygons: beyond it the slack grows, so that a dense drawing stays a file to work with
+POINTS = 85_000  # of all polygons: beyond it the slack grows, so that a dense drawing stays a file to work with
 COARSEST = 0.6  # px, the most that it grows to
+HELD = 0.05  # weight of the spline through the points kept, beside 1 for each point of a contour
 SPECK = 3.0  # times the slack squared: regions and holes of less area are left out
 FOLD = 0.97  # of the radius of a bend, from its inside: texels beyond it would be laid upside down
 LONGEST = 1.5  # px, the longest step of a contour that is laid along a bend
@@ -225,27 +228,57 @@ def _splines(xy, offsets, slack):
     """The polygons (M, 2) int64, their offsets, and which (R,) of the contours they are, of B-splines near contours."""
     if not len(xy):
         return np.zeros((0, 2), np.int64), np.zeros(1, np.int64), np.zeros(0, np.int64)
-    kept = np.arange(len(offsets) - 1)
+    kept = np.flatnonzero(np.abs(_areas(xy, offsets)) > SPECK * slack * slack)
+    rows, offsets = take_ragged(offsets, kept)
+    closed, ends = _repeated(xy[rows], offsets)
+    keep = np.ones(len(closed), bool)
     while True:
-        big = np.abs(_areas(xy, offsets)) > SPECK * slack * slack
-        rows, offsets = take_ragged(offsets, np.flatnonzero(big))
-        xy, kept = xy[rows], kept[big]
-        closed, ends = _repeated(xy, offsets)
-        keep = simplify_all(closed, ends, slack)
-        keep[ends[1:] - 1] = False
-        if keep.sum() <= POINTS or slack >= COARSEST:
+        keep[keep] = simplify_all(closed[keep], _counted(keep, ends), slack)
+        count = keep.sum() - len(kept)  # the first points are there twice
+        if count <= POINTS or slack >= COARSEST:
             break
-        slack = min(COARSEST, slack * max(1.1, (keep.sum() / POINTS) ** 0.6))
-        xy, offsets = closed[keep], _counted(keep, ends)
-    xy, offsets = closed[keep], _counted(keep, ends)
-    before, after = _neighbours(offsets)
-    # at the middle of its piece the spline is (before + 6 here + after) / 8: it shall be where the contour was
-    polygon = np.rint((1.25 * xy - 0.125 * (xy[before] + xy[after])) / (2 * UNIT)).astype(np.int64)
+        slack = min(COARSEST, slack * max(1.1, (count / POINTS) ** 0.6))
+        big = np.flatnonzero(np.abs(_areas(closed, ends)) > SPECK * slack * slack)
+        rows, ends = take_ragged(ends, big)
+        closed, keep, kept = closed[rows], keep[rows], kept[big]
+    keep[ends[1:] - 1] = False
+    offsets = _counted(keep, ends)
+    polygon = np.rint(_fitted(closed, ends, keep, offsets) / (2 * UNIT)).astype(np.int64)
+    before, _ = _neighbours(offsets)
     keep = (polygon != polygon[before]).any(axis=1)
     polygon, offsets = polygon[keep], _counted(keep, offsets)
     real = np.flatnonzero(np.diff(offsets) > 2)
     rows, offsets = take_ragged(offsets, real)
     return polygon[rows], offsets, kept[real]
+
+
+def _fitted(xy, ends, keep, offsets):
+    """The control points (n, 2) of the B-splines nearest to contours (M, 2) that repeat their first points, px.
+
+    One for each point of `keep`, near which the middle of its piece lies: least squares over all points, each at its
+    share of the arc between the two that are kept (Piegl and Tiller 1997, 9.4.1). A contour of few points is held to
+    the spline that passes through what is kept.
+    """
+    before, after = _neighbours(offsets)
+    kept = xy[keep]
+    through = 1.25 * kept - 0.125 * (kept[before] + kept[after])  # the middle is at (before + 6 here + after) / 8
+    free = np.ones(len(xy), bool)
+    free[ends[1:] - 1] = False
+    begin = np.flatnonzero(keep)
+    end = begin[after]
+    last = offsets[1:][np.diff(offsets) > 0] - 1
+    end[last] = ends[1:][np.diff(offsets) > 0] - 1
+    run = arc(xy)
+    piece = (np.cumsum(keep) - 1)[free]
+    share = (run[free] - run[begin][piece]) / np.maximum(run[end] - run[begin], 1e-9)[piece]
+    middle = np.where(share < 0.5, piece, after[piece])
+    t = share + np.where(share < 0.5, 0.5, -0.5)
+    basis = np.stack([0.5 * (1 - t) ** 2, 0.5 + t * (1 - t), 0.5 * t * t], axis=1)
+    columns = np.stack([before[middle], middle, after[middle]], axis=1)
+    shape = (len(t), len(kept))
+    matrix = csr_array((basis.reshape(-1), columns.reshape(-1), np.arange(0, 3 * len(t) + 1, 3)), shape)
+    normal = (matrix.T @ matrix + HELD * identity(len(kept))).tocsc()
+    return spsolve(normal, matrix.T @ xy[free] + HELD * through)
 
 
 def _counted(keep, offsets):

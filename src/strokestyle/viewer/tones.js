@@ -2,6 +2,7 @@
 
 const UNIT = 0.15; // px, of path data; the polygons' points have even numbers of it, so that the middles of sides are whole
 const SLACK = 3; // times the tolerance of an outline: how far the edge of a tone may be off
+const HELD = 0.05; // weight of the spline through the points kept, beside 1 for each point of a contour
 const SPECK = 3; // times the slack squared: regions and holes of less area are left out
 const FOLD = 0.97; // of the radius of a bend, from its inside: texels beyond it would be laid upside down
 const BINS = 64; // bins of opacity for a first look
@@ -234,13 +235,7 @@ function splineText(points, slack) {
   if (Math.abs(area) <= SPECK * slack * slack) return "";
   const ring = points.concat([points[0]]);
   const [x, y] = [0, 1].map((k) => Float64Array.from(ring, (point) => point[k]));
-  const kept = simplifiedRing(x, y, slack).map((i) => points[i % points.length]);
-  const n = kept.length;
-  // at the middle of its piece the spline is (before + 6 here + after) / 8: it shall be where the contour was
-  let polygon = kept.map(([px, py], i) => {
-    const [before, after] = [kept[(i + n - 1) % n], kept[(i + 1) % n]];
-    return [1.25 * px - 0.125 * (before[0] + after[0]), 1.25 * py - 0.125 * (before[1] + after[1])];
-  });
+  let polygon = fitted(x, y, simplifiedRing(x, y, slack));
   polygon = polygon.map((point) => point.map((value) => Math.round(value / (2 * UNIT))));
   polygon = polygon.filter(([px, py], i) => {
     const last = polygon[(i + polygon.length - 1) % polygon.length];
@@ -259,6 +254,52 @@ function splineText(points, slack) {
   const control = polygon[0].map((value, k) => 2 * value - from[k]).join(" ");
   const d = `M${from[0]} ${from[1]}q${control} ${steps[0]}t${steps.slice(1).join(" ")}z`;
   return d.replaceAll(" -", "-");
+}
+
+/**
+ * The control points of the B-spline nearest to a ring, which repeats its first point; near each of the points `kept` lies
+ * the middle of its piece. Least squares over all points, by the normal equations, which Gauss and Seidel's steps solve.
+ */
+function fitted(x, y, kept) {
+  const n = kept.length;
+  // of each control point, what the equations hold of itself, of the next and of the one after that; and their right sides
+  const [own, next, second] = [0, 1, 2].map(() => new Float64Array(n));
+  const sides = [x, y].map((values) => ({ values, right: new Float64Array(n), at: new Float64Array(n) }));
+  for (const { values, right, at } of sides) {
+    for (let j = 0; j < n; j++) {
+      // at the middle of its piece the spline is (before + 6 here + after) / 8
+      at[j] = 1.25 * values[kept[j]] - 0.125 * (values[kept[(j + n - 1) % n]] + values[kept[(j + 1) % n]]);
+      right[j] = HELD * at[j];
+    }
+  }
+  own.fill(HELD);
+  for (let j = 0; j < n; j++) {
+    const [from, to] = [kept[j], j + 1 < n ? kept[j + 1] : x.length - 1];
+    const run = [0];
+    for (let i = from; i < to; i++) run.push(run[i - from] + Math.hypot(x[i + 1] - x[i], y[i + 1] - y[i]));
+    for (let i = from; i < to; i++) {
+      const share = run[i - from] / Math.max(run[to - from], 1e-9);
+      const [middle, t] = share < 0.5 ? [j, share + 0.5] : [(j + 1) % n, share - 0.5];
+      const basis = [0.5 * (1 - t) ** 2, 0.5 + t * (1 - t), 0.5 * t * t];
+      const place = [(middle + n - 1) % n, middle, (middle + 1) % n];
+      basis.forEach((weight, k) => {
+        own[place[k]] += weight * weight;
+        for (const { values, right } of sides) right[place[k]] += weight * values[i];
+      });
+      next[place[0]] += basis[0] * basis[1];
+      next[place[1]] += basis[1] * basis[2];
+      second[place[0]] += basis[0] * basis[2];
+    }
+  }
+  for (const { right, at } of sides) {
+    for (let round = 0; round < 12; round++) {
+      for (let j = 0; j < n; j++) {
+        const [a, b, c, d] = [(j + n - 2) % n, (j + n - 1) % n, (j + 1) % n, (j + 2) % n];
+        at[j] = (right[j] - second[a] * at[a] - next[b] * at[b] - next[j] * at[c] - second[j] * at[d]) / own[j];
+      }
+    }
+  }
+  return kept.map((_, j) => sides.map(({ at }) => at[j]));
 }
 
 /** `simplified` of a ring, which repeats its first point: cut in two where it is widest; the last index is left out. */
