@@ -154,7 +154,7 @@ def test_faint_strokes_have_as_many_levels():
 
 def test_damaged_images_are_named():
     band = ribbon(line([2, 2], [8, 2]), 0, 0.0)
-    huge = png(np.zeros((2, 2), np.uint8), None, 8, [(0, 0)])
+    huge = png(np.zeros((2, 2), np.uint8), None, 8, {0: 0})
     huge = huge[:16] + (9000).to_bytes(4, "big") * 2 + huge[24:]
     assert 9000 * 9000 > MAX_PIXELS
     for data, found in (("?", "base64"), ("AAAA", "no PNG"), (base64.b64encode(huge).decode(), "9000 x 9000")):

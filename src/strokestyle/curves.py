@@ -122,6 +122,12 @@ def arc_length(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     return total - np.repeat(total[offsets[:-1]], np.diff(offsets))
 
 
+def arc(xy: np.ndarray) -> np.ndarray:
+    """Distance along one polyline from its start, (n,), in units of `xy` (n, 2)."""
+    step = np.diff(xy, axis=0)
+    return np.concatenate([np.zeros(1), np.hypot(step[:, 0], step[:, 1]).cumsum()])
+
+
 def blurred(values: np.ndarray, sigma: float, closed: bool = False) -> np.ndarray:
     """Values (n, d) at evenly spaced points of one curve under a Gaussian of `sigma` points.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .curves import blurred
+from .curves import arc, blurred
 from .strokes import Strokes, distinct
 
 STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
@@ -44,7 +44,7 @@ def half_widths(strokes: Strokes, i: int, margin: float) -> np.ndarray:
     """
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
     xy, half = strokes.xy[rows], 0.5 * strokes.thickness[rows]
-    s = NARROWING * np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
+    s = NARROWING * arc(xy)
     if strokes.closed[i]:
         half, s = np.tile(half, 3), np.concatenate([s - s[-1], s, s + s[-1]])
     half = np.maximum(np.maximum.accumulate(half + s) - s, np.maximum.accumulate((half - s)[::-1])[::-1] + s)
@@ -68,13 +68,12 @@ def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbo
         reach = np.maximum(half[[0, -1]], 1e-3)
         xy = np.concatenate([xy[:1] + reach[0] * out[:1], xy, xy[-1:] + reach[1] * out[1:]])
         half = np.r_[half[0], half, half[-1]]
-    step = np.hypot(*np.diff(xy, axis=0).T)
-    return Ribbon(xy * scale, half * scale, np.r_[0.0, np.cumsum(step)] * scale, closed)
+    return Ribbon(xy * scale, half * scale, arc(xy) * scale, closed)
 
 
 def _stiffened(xy, half, closed):
     """Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half width."""
-    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
+    along = arc(xy)
     sigma = STIFFNESS * float(np.median(half))
     count = max(3, int(np.ceil(along[-1] / max(1.0, min(sigma, 3.0)))))
     at = np.linspace(0.0, along[-1], count + 1)

@@ -15,7 +15,7 @@ ONE_INK = 1.5 / 255  # rms; colours nearer than this to the stroke's ink need no
 SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
 LEVELS, FEW, COLORS = 16, 6, 16  # what 4 bits a texel hold; few levels are half the text
 MAX_TEXELS = 2_000_000  # of a strip
-WAYS = [(0, zlib.Z_DEFAULT_STRATEGY), (2, zlib.Z_DEFAULT_STRATEGY)]  # of packing its PNG; the smaller is kept
+WAYS = {0: zlib.Z_DEFAULT_STRATEGY, 2: zlib.Z_DEFAULT_STRATEGY}  # of packing its PNG
 
 
 def strips_png(drawing: Drawing, index=None, levels: int = LEVELS) -> list[bytes]:

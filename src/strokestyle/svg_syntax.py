@@ -14,6 +14,8 @@ from xml.parsers import expat
 
 import numpy as np
 
+from .curves import arc
+
 MAX_BYTES = 64 * 2**20  # of a file, an .svgz's once decompressed
 MAX_POINTS = 500_000
 MAX_ELEMENTS = 100_000
@@ -375,8 +377,7 @@ def fine_line(segments: list[Segment]) -> np.ndarray:
 
 def landmarks(line: np.ndarray, measured: np.ndarray | None = None) -> np.ndarray:
     """The points (4, 2) at 0, 1/4, 1/2 and 3/4 of a polyline's length; of the length of another one, `measured`."""
-    step = np.diff(line if measured is None else measured, axis=0)
-    along = np.r_[0.0, np.cumsum(np.hypot(step[:, 0], step[:, 1]))]
+    along = arc(line if measured is None else measured)
     at = along[-1] * np.array([0.0, 0.25, 0.5, 0.75])
     return np.stack([np.interp(at, along, column) for column in line.T], axis=1)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -56,10 +57,13 @@ def units(values: np.ndarray, decimals: int) -> np.ndarray:
 
 
 def numbers(values: np.ndarray, decimals: int) -> list[str]:
-    """Whole numbers of 10^-decimals -> text, flat; every value is formatted once."""
-    distinct, index = np.unique(values, return_inverse=True)
-    text = np.array([number(v / 10**decimals, decimals) for v in distinct.tolist()], dtype=object)
-    return text[index.ravel()].tolist()
+    """Whole numbers of 10^-decimals -> text, flat."""
+    return [_units_text(value, decimals) for value in values.ravel().tolist()]
+
+
+@functools.lru_cache(maxsize=1 << 17)
+def _units_text(value: int, decimals: int) -> str:
+    return number(value / 10**decimals, decimals)  # a drawing's steps are alike: most were told before
 
 
 # --------------------------------------------------------------------------------------------------------- paths

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from .curves import owner
+from .curves import arc, owner
 from .exemplar import Exemplar
 from .painting import distance_map
 from .ribbons import ribbon, strip_points, strip_stretch
@@ -108,7 +108,7 @@ def _rows(strokes: Strokes, features: np.ndarray, margin: float) -> Rows:
         u = (np.arange(n) + 0.5) / n * band.length
         first, last = (0.0, band.length) if band.closed else (band.half[0], band.length - band.half[-1])
         ends = np.full((n, 2), END) if band.closed else np.minimum(np.stack([u - first, last - u], axis=1), END)
-        along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(strokes.xy[part], axis=0).T))]
+        along = arc(strokes.xy[part])
         along = first + along * (last - first) / max(along[-1], 1e-9)
         carried = np.concatenate([strokes.thickness[part, None], features[part]], axis=1)
         carried = np.stack([np.interp(u, along, column) for column in carried.T], axis=1)
