@@ -83,13 +83,12 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget)
     for shape, image in zip(shapes, images, strict=True):
         at = transformed(_inverse(shape.matrix), points)
         if image is not None:
-            over = _sampled(np.asarray(image.convert("RGBA")), shape.attributes, at)
+            over = shape.opacity * _sampled(np.asarray(image.convert("RGBA")), shape.attributes, at)
+            color = over + (1.0 - over[..., 3:]) * color
         else:
             # in or out: half-tones at the edges would wear a region away each time that it is read and contoured
             inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2), budget).reshape(rows, columns)
-            over = inside[..., None] * np.r_[rgb(shape.fill), 1.0]
-        over = shape.opacity * over
-        color = over + (1.0 - over[..., 3:]) * color
+            color[inside] = shape.opacity * np.r_[rgb(shape.fill), 1.0] + (1.0 - shape.opacity) * color[inside]
     straight = np.concatenate([color[..., :3] / np.maximum(color[..., 3:], 1e-6), color[..., 3:]], axis=2)
     return np.rint(255 * np.clip(straight, 0, 1)).astype(np.uint8)
 
