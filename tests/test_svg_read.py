@@ -246,6 +246,15 @@ def test_shapes_of_others_are_counted_and_definitions_are_not():
     assert len(edited(a=("</svg>", pattern + "</svg>"))[1].drawing.strokes) == 5
 
 
+def test_effects_on_strokes_are_counted():
+    assert edited()[1].effects == 0
+    _, file = edited(
+        a=('<g id="layer-contour"', '<g id="layer-contour" clip-path="url(#c)" style="mask : url(#m);fill:url(#g) red"'),
+        b=("</svg>", '<rect width="9" height="9" fill="url(#g)"/></svg>'),  # a shape that is left out as a whole
+    )
+    assert file.effects == 3 and file.others == 1 and len(file.drawing.strokes) == 5
+
+
 def test_a_page_that_was_cut_moves_the_strokes():
     _, file = edited("none", None, a=('viewBox="0 0 120 100"', 'viewBox="20 10 60.5 50"'))
     assert file.drawing.size == (61, 50)

@@ -636,7 +636,8 @@ def edit(drawing, output, png, seed, restyle, **options):
             preview = str(Path(output).with_suffix(".png"))
             write_bytes(preview, png_from_svg(text))
             written += f", {preview}"
-    lost = [f"{n} {what} left out" for n, what in ((found.hidden, "hidden strokes"), (found.others, "shapes")) if n]
+    lost = ((found.hidden, "hidden strokes"), (found.others, "shapes"), (found.effects, "gradients, clips or filters"))
+    lost = [f"{n} {what} left out" for n, what in lost if n]
     say(f"{drawing}: {len(sheet.ids)} strokes -> {written}{'; ' if lost else ''}{', '.join(lost)}")
 
 

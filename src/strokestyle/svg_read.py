@@ -48,6 +48,8 @@ MAX_TEXELS = 64_000_000  # of a drawing, all strips as wide as the widest
 MAX_PATH = 1_000_000  # characters of a centre line, or of its widths
 MAX_PARTS = 1_000_000  # characters of the list of parts that are looked at
 MAX_PLACE = 1e6  # px from the canvas's origin, and the largest canvas
+REFERENCES = ("fill", "clip-path", "mask", "filter")
+_REFERENCE = re.compile(rf"(?:^|;)\s*(?:{'|'.join(REFERENCES)})\s*:\s*url\(")
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
 SHAPES = ("path", "line", "polyline", "polygon", "rect", "circle", "ellipse", "image", "text", "use", "svg")
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
@@ -80,6 +82,7 @@ class SvgFile:
     options : how it was written
     hidden : number of strokes that are hidden in the file, and are not in the drawing
     others : number of visible shapes in the file that are no strokes of ours
+    effects : number of gradients, clip paths, masks and filters on strokes, which a Drawing does not have
     """
 
     drawing: Drawing
@@ -87,6 +90,7 @@ class SvgFile:
     options: SvgOptions
     hidden: int = 0
     others: int = 0
+    effects: int = 0
 
 
 def read(source: str | bytes | Path) -> Drawing:
@@ -203,8 +207,8 @@ class _Reader:
         self.tags: list[tuple[str, str]] = []
         self.strokes: list[_Found] = []
         self.words: dict[str, str] = {}
-        self.effects: dict[str, str] = {}  # PowerStrokes' offset points, by id
-        self.hidden = self.others = 0
+        self.power_strokes: dict[str, str] = {}  # their offset points, by id
+        self.hidden = self.others = self.effects = 0
         self.parser = None
 
     def start(self, namespace: str, tag: str, attributes: dict[str, str]):
@@ -215,21 +219,23 @@ class _Reader:
             self.stack.append(self._inner(_State(), attributes))
             return
         above = self.stack[-1]
-        if tag == "path-effect" and len(self.effects) < MAX_STROKES:
-            self.effects[attributes.get("id", "")] = attributes.get("offset_points", "")
+        if tag == "path-effect" and len(self.power_strokes) < MAX_STROKES:
+            self.power_strokes[attributes.get("id", "")] = attributes.get("offset_points", "")
         if (namespace, tag) == (CC[0], "license") or (namespace, tag) == (CC[1], "license"):
             self.words.setdefault("license", attributes.get(RDF + "}resource", ""))
         drawn = above.drawn and namespace in ("", SVG_NAMESPACE)
         if not drawn:
             self.stack.append(_State(drawn=False))
             return
+        ours = "data-ss-path" in attributes and tag in (*GROUPS, *SHAPES)
+        if ours or above.stroke is not None or tag in GROUPS:
+            self.effects += _effects(attributes)
         if above.stroke is not None:  # inside a stroke: what it looks like
             state = self._inner(above, attributes)
             state.drawn, state.stroke = tag == "g", above.stroke
             _add_shape(tag, attributes, state)
             self.stack.append(state)
             return
-        ours = "data-ss-path" in attributes and tag in (*GROUPS, *SHAPES)
         state = self._inner(above, attributes)
         a, b, c, d = state.matrix[:4]
         state.gone |= abs(a * d - b * c) < 1e-12  # pressed flat: nothing of it is drawn
@@ -315,7 +321,7 @@ class _Reader:
         for found in self.strokes:
             try:
                 lines += _lines(found, origin, self.data, budget)
-                if lines[-1].art is not None and (points := self.effects.get(EFFECT + found.name, "")):
+                if lines[-1].art is not None and (points := self.power_strokes.get(EFFECT + found.name, "")):
                     safe = re.fullmatch("[0-9., |-]*", points)
                     lines[-1] = replace(lines[-1], art=(*lines[-1].art[:2], points) if safe else None)
                 names += [found.name] * (len(lines) - len(names))
@@ -325,7 +331,7 @@ class _Reader:
         options = self._options(any(line.strip is not None for line in lines))
         drawing = _drawing(lines, size, self._parts(lines))
         art = {digest(drawing, i, options): line.art for i, line in enumerate(lines) if line.art is not None}
-        return SvgFile(replace(drawing, art=art), tuple(names), options, self.hidden, self.others)
+        return SvgFile(replace(drawing, art=art), tuple(names), options, self.hidden, self.others, self.effects)
 
     def _canvas(self) -> tuple[tuple[int, int], tuple[float, float]]:
         """Size of the canvas and where it begins in user units: as written, or what somebody made of the page since."""
@@ -405,6 +411,15 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, budget: Budg
 
 def _alone(xy: np.ndarray, width: np.ndarray, closed: bool) -> Strokes:
     return Strokes(xy, width, [0, len(xy)], [0], [closed])
+
+
+def _effects(attributes: dict[str, str]) -> int:
+    """How many of an element's properties are defined elsewhere in its file: gradients, clip paths, masks, filters."""
+    return sum(
+        len(_REFERENCE.findall(value)) if name == "style" else "url(" in value
+        for name, value in attributes.items()
+        if "url(" in value and name in ("style", *REFERENCES)
+    )
 
 
 def _add_shape(tag: str, attributes: dict[str, str], state: _State) -> None:
