@@ -382,9 +382,10 @@ def test_a_pipe_of_edits(drawn):
 
 
 def test_a_preview_and_what_is_left_out(drawn, tmp_path):
-    drawn.write_text(drawn.read_text().replace("</svg>", "<text>mine</text></svg>"))
+    text = drawn.read_text().replace("</svg>", "<text>mine</text></svg>")
+    drawn.write_text(text.replace('class="stroke"', 'class="stroke" clip-path="url(#c)"', 2))
     result = run(drawn, "-o", tmp_path / "o.svgz", "--png", "--thickness", "2")
-    assert result.exit_code == 0 and "1 shapes left out" in result.stderr
+    assert result.exit_code == 0 and "; left out: shapes 1, clips, gradients, filters 2" in result.stderr
     picture = Image.open(io.BytesIO((tmp_path / "o.png").read_bytes()))
     assert picture.size == (1123, 794)  # A4 at 96 px an inch, lying as the canvas does
 

@@ -249,7 +249,7 @@ def test_shapes_of_others_are_counted_and_definitions_are_not():
 def test_effects_on_strokes_are_counted():
     assert edited()[1].effects == 0
     _, file = edited(
-        a=('<g id="layer-contour"', '<g id="layer-contour" clip-path="url(#c)" style="mask : url(#m);fill:url(#g) red"'),
+        a=('<g id="layer-contour"', '<g id="layer-contour" clip-path="url(#c)" style="mask : url(#m);fill:url(#g)"'),
         b=("</svg>", '<rect width="9" height="9" fill="url(#g)"/></svg>'),  # a shape that is left out as a whole
     )
     assert file.effects == 3 and file.others == 1 and len(file.drawing.strokes) == 5

@@ -601,7 +601,8 @@ def edit(drawing, output, png, seed, restyle, **options):
     """Change an SVG that render wrote, and perhaps others worked on; edits are made in the order in which they stand.
 
     The texture follows the strokes. Strokes that are not edited stay as they are; what is no stroke (text, shapes of
-    your own) is not kept. IN.svg may be - for standard input. Points and sizes are pixels of the drawing.
+    your own), and clips, gradients and filters on strokes are not kept. IN.svg may be - for standard input. Points and
+    sizes are pixels of the drawing.
     """
     if output != "-" and Path(output).suffix.lower() not in (".svg", ".svgz"):
         raise click.UsageError(f"{output}: edit writes .svg or .svgz")
@@ -636,9 +637,9 @@ def edit(drawing, output, png, seed, restyle, **options):
             preview = str(Path(output).with_suffix(".png"))
             write_bytes(preview, png_from_svg(text))
             written += f", {preview}"
-    lost = ((found.hidden, "hidden strokes"), (found.others, "shapes"), (found.effects, "gradients, clips or filters"))
-    lost = [f"{n} {what} left out" for n, what in lost if n]
-    say(f"{drawing}: {len(sheet.ids)} strokes -> {written}{'; ' if lost else ''}{', '.join(lost)}")
+    lost = {"hidden strokes": found.hidden, "shapes": found.others, "clips, gradients, filters": found.effects}
+    lost = ", ".join(f"{what} {n}" for what, n in lost.items() if n)
+    say(f"{drawing}: {len(sheet.ids)} strokes -> {written}" + (f"; left out: {lost}" if lost else ""))
 
 
 def _restyled(model: str, sheet, seed: int):
