@@ -305,6 +305,25 @@ def test_what_is_saved_is_what_is_seen(opened):
 
 
 @in_browser
+@pytest.mark.parametrize("texture, encoding", [(None, "none"), ("grain", "vector"), ("colours", "image")])
+def test_what_is_saved_may_be_moved_by_other_programs(opened, texture, encoding):
+    browser = opened(svg.write_svg(drawing(texture), texture=encoding, strips=True))
+    browser.run("change({ ...UNEDITED, wiggle: 2 })")
+    made = browser.run("savedText(current)")
+    assert made.count(" data-ss-at=") == len(drawing(texture).strokes)
+    there = read(made)
+    blind = read(re.sub(' data-ss-at="[^"]*"', "", made))
+    assert np.array_equal(there.strokes.xy, blind.strokes.xy)  # it was not moved yet
+    scale = 0.15 if encoding == "vector" else 1.0
+    moved = re.sub(
+        "M([-0-9.]+)( ?)([-0-9.]+)([cq])",
+        lambda m: f"M{float(m[1]) + 30 / scale:.9g}{m[2]}{m[3]}{m[4]}",
+        re.sub('( d="|<image x=")([-0-9.]*)', lambda m: m[1] + (f"{float(m[2]) + 30}" if m[2] else ""), made),
+    )
+    assert np.abs(read(moved).strokes.xy - there.strokes.xy - [30, 0]).max() < 0.02
+
+
+@in_browser
 def test_strips_for_the_page_alone_are_not_saved(opened):
     text = svg.write_svg(drawing("grain"), strips=True)
     assert text.count("data-ss-strip") == 3 and text.count("data-ss-texture") == 1  # the ridge crosses itself

@@ -197,11 +197,14 @@ async function writeStroke(element, mark, options) {
     ),
   );
   element.setAttribute("data-ss-width", pairs.join(" "));
-  element.removeAttribute("data-ss-at");
-  if (!mark.strip) {
-    element.setAttribute("d", ringsText(outlineOf(line, tolerance), decimals));
-    return;
-  }
+  if (mark.strip) await writeTexture(element, mark, options);
+  else element.setAttribute("d", ringsText(outlineOf(line, tolerance), decimals));
+  const places = drawnAt(mark.strip ? element.querySelector("path, image") : element);
+  if (places) element.setAttribute("data-ss-at", places.map((xy) => xy.map((p) => numberText(p, 2))).join(" "));
+  else element.removeAttribute("data-ss-at");
+}
+
+async function writeTexture(element, mark, options) {
   element.removeAttribute("data-ss-texture");
   if (overlaps(mark.band, mark.stroke.margin)) {
     const png = mark.strip.alpha ? await greyPng(mark.strip) : await colorPng(mark.strip);
@@ -209,6 +212,50 @@ async function writeStroke(element, mark, options) {
   }
   if (options.get("texture") === "vector") writeTones(element, mark, options);
   else await writeImage(element, mark, options);
+}
+
+/**
+ * Where a shape is, [[x, y] x 4], so that a reader sees how another program moved it: an image's corners, or the points
+ * at 0, 1/4, 1/2 and 3/4 of the length of a path's first ring. Null where nothing is drawn.
+ */
+function drawnAt(shape) {
+  if (shape?.localName === "image") {
+    const [x, y, width, height] = ["x", "y", "width", "height"].map((name) => Number(shape.getAttribute(name)));
+    return [0, 1, 1, 0].map((right, k) => [x + right * width, y + (k > 1 ? height : 0)]);
+  }
+  const d = shape?.getAttribute("d");
+  if (!d) return null;
+  const [, start, letter, rest] = /^M([^cq]*)([cq])([^z]*)z/.exec(d); // as ringsText and splineText write it
+  const numbers = (text) => text.match(/-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)/g).map(Number);
+  const ring = [numbers(start)];
+  const values = numbers(rest);
+  let control;
+  for (let k = 0; k < values.length; ) {
+    const from = ring[ring.length - 1];
+    const next = () => [from[0] + values[k++], from[1] + values[k++]];
+    const piece = [from];
+    if (letter === "c") piece.push(next(), next(), next());
+    else {
+      control = k ? [2 * from[0] - control[0], 2 * from[1] - control[1]] : next();
+      piece.push(control, next());
+    }
+    for (let t = 1; t <= 8; t++) ring.push(curvePoint(piece, t / 8));
+  }
+  const [x, y] = [0, 1].map((axis) => Float64Array.from(ring, (point) => point[axis]));
+  const along = arcLength(x, y);
+  const wanted = [0, 0.25, 0.5, 0.75].map((share) => share * along[along.length - 1]);
+  const [atX, atY] = interp(wanted, along, x, y);
+  const unit = shape.hasAttribute("transform") ? UNIT : 1; // of tones
+  return Array.from(atX, (value, i) => [value * unit, atY[i] * unit]);
+}
+
+/** A point of a Bezier curve, by de Casteljau. */
+function curvePoint(points, t) {
+  if (points.length === 1) return points[0];
+  return curvePoint(
+    points.slice(1).map((to, i) => to.map((value, axis) => (1 - t) * points[i][axis] + t * value)),
+    t,
+  );
 }
 
 function greyPng({ rows, columns, alpha }) {
