@@ -1,6 +1,7 @@
 """Edits of drawings: what moves and what stays, the texture on it, and the command."""
 
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -72,6 +73,21 @@ def test_only_the_strokes_that_are_meant_change(edit, texture):
     assert np.array_equal(changed.strokes.closed, drawing.strokes.closed)
     ring = points(changed, 4)
     assert np.array_equal(ring[0], ring[-1])
+
+
+@pytest.mark.parametrize("encoding, texture", [("vector", "grain"), ("image", "colours"), ("none", None)])
+def test_strokes_that_are_not_meant_are_written_as_they_were(encoding, texture):
+    def by_id(text):
+        strokes = text.split(' id="s0')[1:]
+        return {stroke[:2]: re.split("</g>\n?</g>|\n<g id=", stroke)[0] for stroke in strokes}
+
+    text = write_svg(small(texture), texture=encoding)
+    file = read_file(text)
+    only = file.drawing.strokes.kind == KINDS.index("contour")
+    edited = edits.thicken(file.drawing, 2.5, only)  # its strips need more texels across
+    again = by_id(write_svg(edited, file.options, ids=file.ids))
+    same = [again[name] == stroke for name, stroke in by_id(text).items()]
+    assert sum(same) == (~only).sum() and 0 < sum(same) < len(same)
 
 
 def test_nothing_is_an_edit_that_changes_nothing():

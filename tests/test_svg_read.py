@@ -255,6 +255,14 @@ def test_effects_on_strokes_are_counted():
     assert file.effects == 3 and file.others == 1 and len(file.drawing.strokes) == 5
 
 
+@pytest.mark.parametrize("encoding, texture", ENCODINGS)
+def test_a_stroke_may_be_made_very_large(encoding, texture):
+    text, file = edited(encoding, texture, a=('<g id="layer-contour"', '<g id="layer-contour" transform="scale(900)"'))
+    before = read(text.replace(' transform="scale(900)"', ""))
+    assert file.drawing.strokes.thickness.max() == pytest.approx(900 * before.strokes.thickness.max(), rel=0.2)
+    assert write_svg(file.drawing, texture="none").count('class="stroke"') == 5
+
+
 def test_a_page_that_was_cut_moves_the_strokes():
     _, file = edited("none", None, a=('viewBox="0 0 120 100"', 'viewBox="20 10 60.5 50"'))
     assert file.drawing.size == (61, 50)

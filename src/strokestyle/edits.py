@@ -524,7 +524,10 @@ def _reshape(drawing: Drawing, edit: Callable[[_Line], Reshaped | None], only: n
         ]
         ends = np.cumsum([0] + [len(strip) for strip in strips])
         texture = Texture(np.concatenate(strips), ends, texture.margin) if strips else texture
-    return replace(drawing, strokes=new, texture=texture)
+    made = replace(drawing, strokes=new, texture=texture)
+    # what was not edited is written as it was, even where its strip has more columns now
+    kept = {made.digest(i): drawing.art.get(drawing.digest(i)) for i in range(len(new)) if drawing.art and i not in was}
+    return replace(made, art={key: stroke for key, stroke in kept.items() if stroke})
 
 
 def _strip_of_piece(drawing: Drawing, i: int, new: Strokes, k: int, first: int, last: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from .curves import KINDS, check_offsets
 from .parts import Parts
 
-MAX_MARGIN = 100.0  # px
+MAX_MARGIN = 1000.0  # px
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class Drawing:
     color : (C, 4) float64 in [0, 1], straight RGBA: what a stroke looks like where no texture is wanted
     texture : Texture with one strip per stroke, or None
     parts : the named part of the shape that each stroke belongs to, or None where it has but one
-    art : how the strokes of a file were drawn in it, by what svg_read.digest makes of each: what is read and not
+    art : how the strokes of a file were drawn in it, and by which options, by their digests: what is read and not
         changed is written as it was
     """
 
@@ -138,6 +139,18 @@ class Drawing:
             raise ValueError(f"Drawing.parts must name the part of {len(self.strokes)} strokes, not {len(self.parts)}")
         object.__setattr__(self, "color", color)
         object.__setattr__(self, "size", (int(self.size[0]), int(self.size[1])))
+
+    def digest(self, i: int) -> bytes:
+        """What stroke i is, by which `art` is kept."""
+        strokes, texture = self.strokes, self.texture
+        rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
+        parts = [strokes.xy[rows], strokes.thickness[rows], self.color[i]]
+        if texture is not None:
+            parts += [texture.rgba[texture.offsets[i] : texture.offsets[i + 1]], texture.margin[i]]
+        made = hashlib.blake2b(repr((int(strokes.kind[i]), bool(strokes.closed[i]))).encode(), digest_size=16)
+        for part in parts:
+            made.update(repr(part.shape).encode() + np.ascontiguousarray(part).tobytes())
+        return made.digest()
 
 
 def paint_order(drawing: Drawing, layers: str = "kind") -> np.ndarray:

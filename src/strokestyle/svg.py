@@ -24,7 +24,7 @@ from .strips import FEW, LEVELS, strips_png
 from .strokes import Drawing, Strokes, paint_order
 from .svg_lines import EFFECT, effect, plotter_svg, power_strokes
 from .svg_page import Mark, SvgOptions, document, layered
-from .svg_read import NAME, digest, read
+from .svg_read import NAME, drawn_by, read
 from .svg_syntax import fine_line, first_line, landmarks
 from .svg_text import attribute, element, hex_color, number, numbers, polyline_path, rings_path, units
 from .tones import UNIT, tone_paths, tones
@@ -69,8 +69,11 @@ def write_svg(
     options = settled(drawing, options)
     order = paint_order(drawing, options.layers)
     names = _names(order, ids, drawing.parts is not None)
-    drawn = {i: drawing.art.get(digest(drawing, i, options)) for i in order.tolist()} if drawing.art else {}
-    new = order[[drawn.get(i) is None for i in order.tolist()]]
+    drawn = {}
+    if drawing.art:
+        kept = {i: drawing.art.get(drawing.digest(i)) for i in order.tolist()}
+        drawn = {i: art[1:] for i, art in kept.items() if art and art[0] == drawn_by(options)}
+    new = order[[i not in drawn for i in order.tolist()]]
     for i, stroke in zip(new.tolist(), _drawn(drawing, options, new), strict=True):
         drawn[i] = stroke
     if options.texture != "none":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
 from dataclasses import dataclass, field, replace
@@ -122,26 +121,10 @@ def read_file(source: str | bytes | Path) -> SvgFile:
         raise ValueError(f"{source}: {error}") from None
 
 
-def digest(drawing: Drawing, i: int, options: SvgOptions) -> bytes:
-    """What the markup of stroke i depends on; `Drawing.art` is kept by it."""
-    strokes, texture = drawing.strokes, drawing.texture if options.texture != "none" else None
-    rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
-    made = hashlib.blake2b(digest_size=16)
-    written = (
-        options.texture,
-        options.tones,
-        options.texture_res,
-        options.tolerance,
-        options.decimals,
-        options.inkscape_lpe,
-    )
-    made.update(repr((written, int(strokes.kind[i]), bool(strokes.closed[i]))).encode())
-    parts = [strokes.xy[rows], strokes.thickness[rows], drawing.color[i]]
-    if texture is not None:
-        parts += [texture.rgba[texture.offsets[i] : texture.offsets[i + 1]], texture.margin[i]]
-    for part in parts:
-        made.update(repr(part.shape).encode() + np.ascontiguousarray(part).tobytes())
-    return made.digest()
+def drawn_by(options: SvgOptions) -> tuple:
+    """The options on which the markup of a stroke depends."""
+    o = options
+    return o.texture, o.tones, o.texture_res, o.tolerance, o.decimals, o.inkscape_lpe
 
 
 def _read(data: bytes) -> SvgFile:
@@ -330,7 +313,8 @@ class _Reader:
                 raise ValueError(f"line {found.line}, stroke{which}: {error}") from None
         options = self._options(any(line.strip is not None for line in lines))
         drawing = _drawing(lines, size, self._parts(lines))
-        art = {digest(drawing, i, options): line.art for i, line in enumerate(lines) if line.art is not None}
+        by = drawn_by(options)
+        art = {drawing.digest(i): (by, *line.art) for i, line in enumerate(lines) if line.art is not None}
         return SvgFile(replace(drawing, art=art), tuple(names), options, self.hidden, self.others, self.effects)
 
     def _canvas(self) -> tuple[tuple[int, int], tuple[float, float]]:
@@ -433,13 +417,11 @@ def _moved(line: _Line, matrix: Affine) -> _Line:
     xy = line.xy if matrix == IDENTITY else transformed(matrix, line.xy)
     det = matrix[0] * matrix[3] - matrix[1] * matrix[2]
     scale = 1.0 if abs(abs(det) - 1.0) < 1e-12 else math.sqrt(abs(det))
-    width, margin = line.width * scale, line.margin * scale
+    width, margin = line.width * scale, min(line.margin * scale, MAX_MARGIN)
     if not np.abs(xy).max() <= MAX_PLACE:
         raise ValueError(f"a point {np.abs(xy).max():.3g} px away is too far to be a place in a drawing")
     if not width.max() <= MAX_PLACE:
         raise ValueError(f"a width of {width.max():.3g} px is too large")
-    if margin > MAX_MARGIN:
-        raise ValueError(f"data-ss-margin of {margin:g} px must lie between 0 and {MAX_MARGIN:g}")
     strip = line.strip if line.strip is None or det >= 0 else line.strip[:, ::-1]
     return replace(line, xy=xy, width=width, margin=margin, strip=strip)
 
