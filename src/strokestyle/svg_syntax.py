@@ -132,6 +132,7 @@ def css_property(name: str, style: str, attributes: dict[str, str]) -> str:
 # ---------------------------------------------------------------------------------------- lengths and transforms
 
 ROUNDING = 0.01  # px that a shape's points may be off after another program's rounding, however small it was made
+SLIP = 1e-4  # of a path's length, that its landmarks may be off after svgo rounded every piece of it
 SPACE = " \t\r\n\f"
 UNITS = {"": 1.0, "px": 1.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4, "q": 96 / 101.6, "pt": 96 / 72, "pc": 16.0}
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -386,19 +387,21 @@ def moved_by(then: np.ndarray, now: np.ndarray, line: np.ndarray | None = None, 
     """The transform that took a shape from where its landmarks (4, 2) were to where they are; None: it was edited.
 
     The simplest that explains them within `slack` px: none, a translation, a similarity, any affine map. The last does
-    not keep a line's proportions, so its landmarks are those of the `line` (n, 2) measured where it came from.
+    not keep a line's proportions, so its landmarks are those of the `line` (n, 2) measured where it came from. Along a
+    long line they slip by a SLIP of its length, as it is rounded.
     """
-    if np.abs(now - then).max() <= slack:
+    slip = 0.0 if line is None else SLIP * float(arc(line)[-1])
+    if np.abs(now - then).max() <= slack + slip:
         return IDENTITY
     shift = (now - then).mean(axis=0)
-    if np.abs(now - then - shift).max() <= slack:
+    if np.abs(now - then - shift).max() <= slack + slip:
         return (1.0, 0.0, 0.0, 1.0, *shift.tolist())
     a, b = (values[:, 0] + 1j * values[:, 1] for values in (then, now))
     for source, mirror in ((a, 1.0), (a.conj(), -1.0)):
         spread = np.square(np.abs(source - source.mean())).sum()
         turn = ((b - b.mean()) * (source - source.mean()).conj()).sum() / max(spread, 1e-12)
         place = b.mean() - turn * source.mean()
-        if np.abs(turn * source + place - b).max() <= max(slack * abs(turn), ROUNDING):
+        if np.abs(turn * source + place - b).max() <= max(slack * abs(turn), ROUNDING) + slip:
             x, y = turn.real, turn.imag
             return (x, y, -y * mirror, x * mirror, place.real, place.imag)
     full = np.concatenate([then, np.ones((4, 1))], axis=1)
@@ -413,7 +416,7 @@ def moved_by(then: np.ndarray, now: np.ndarray, line: np.ndarray | None = None, 
             break
     # a map that shrinks must be met the better: else any small shape would do as what became of a large one
     small, large = np.linalg.svd(solved[:2], compute_uv=False)[[1, 0]]
-    if np.abs(full @ solved - now).max() > max(slack * (large if small >= 1.0 else small), ROUNDING):
+    if np.abs(full @ solved - now).max() > max(slack * (large if small >= 1.0 else small), ROUNDING) + slip:
         return None
     return tuple(float(v) for v in (*solved[0], *solved[1], *solved[2]))
 

@@ -74,6 +74,9 @@ def tones(drawing: Drawing, index, count: int = 3, tolerance: float = 0.1) -> To
     ends = np.concatenate([ring[1][:-1] + a for ring, a in zip(rings, shift, strict=False)] + [shift[-1:]])
     stroke, tone = (np.concatenate([ring[k] for ring in rings]) for k in (2, 3))
     points, ends, kept = _splines(xy, ends, SLACK * tolerance)
+    order = _largest_first(np.abs(_areas(points, ends)), stroke[kept] * count + tone[kept])
+    rows, ends = take_ragged(ends, order)
+    points, kept = points[rows], kept[order]
     clear = 1.0 - np.concatenate([np.zeros((len(index), 1)), levels], axis=1)
     opacity = 1.0 - clear[:, 1:] / np.maximum(clear[:, :-1], 1e-6)
     return Tones(np.clip(opacity, 0, 1), color, points, ends, stroke[kept], tone[kept])
@@ -250,6 +253,14 @@ def _splines(xy, offsets, slack):
     real = np.flatnonzero(np.diff(offsets) > 2)
     rows, offsets = take_ragged(offsets, real)
     return polygon[rows], offsets, kept[real]
+
+
+def _largest_first(area, group):
+    """An order (R,) by group, in which the largest of each comes first: from it a reader tells how a stroke was moved."""
+    by_area = np.lexsort((-area, group))
+    rank = np.ones(len(group))
+    rank[by_area[np.diff(group[by_area], prepend=-1) > 0]] = 0
+    return np.lexsort((rank, group))
 
 
 def _fitted(xy, ends, keep, offsets):

@@ -208,12 +208,11 @@ function writeTones(element, mark, options) {
   element.replaceChildren();
   levels.level.forEach((level, k) => {
     const rings = contours(alpha, rows, columns, 255 * levels.threshold[k], band.closed);
-    const d = rings.map((ring) =>
-      splineText(
-        ring.map(([r, c]) => place(r, (2 * c + 1) / columns - 1)),
-        slack,
-      ),
-    );
+    const laid = rings.map((ring) => ring.map(([r, c]) => place(r, (2 * c + 1) / columns - 1)));
+    const sizes = laid.map((ring) => Math.abs(areaOf(ring)));
+    const largest = sizes.indexOf(Math.max(...sizes)); // it comes first: from it a reader tells how a stroke was moved
+    if (largest > 0) laid.unshift(...laid.splice(largest, 1));
+    const d = laid.map((ring) => splineText(ring, slack));
     if (!d.some((text) => text)) return;
     const path = element.ownerDocument.createElementNS(SVG, "path");
     const opacity = 1 - (1 - level) / Math.max(k ? 1 - levels.level[k - 1] : 1, 1e-6);
@@ -225,14 +224,18 @@ function writeTones(element, mark, options) {
   });
 }
 
-/** A ring of points as a closed uniform quadratic B-spline within `slack` px of it; nothing where it is a speck. */
-function splineText(points, slack) {
+function areaOf(points) {
   let area = 0;
   points.forEach(([x, y], i) => {
     const [ax, ay] = points[(i + 1) % points.length];
     area += (x * ay - y * ax) / 2;
   });
-  if (Math.abs(area) <= SPECK * slack * slack) return "";
+  return area;
+}
+
+/** A ring of points as a closed uniform quadratic B-spline within `slack` px of it; nothing where it is a speck. */
+function splineText(points, slack) {
+  if (Math.abs(areaOf(points)) <= SPECK * slack * slack) return "";
   const ring = points.concat([points[0]]);
   const [x, y] = [0, 1].map((k) => Float64Array.from(ring, (point) => point[k]));
   let polygon = fitted(x, y, simplifiedRing(x, y, slack));
