@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scipy import ndimage
 from svg_programs import GOLDEN, NAMES, SAVES, by_hand, run, small, with_parts
 
 import strokestyle.svg
@@ -20,7 +21,7 @@ from strokestyle.strokes import Drawing, Strokes, Texture
 from strokestyle.svg import png_from_svg, read, write_svg
 from strokestyle.svg_page import SvgOptions
 from strokestyle.svg_read import read_file
-from strokestyle.svg_syntax import landmarks, moved_by
+from strokestyle.svg_syntax import landmarks, moved_by, parse_path
 
 SMALL = {"none": None, "vector": "grain", "image": "grain", "format2": "grain"}
 ENCODINGS = [("none", None), ("vector", "grain"), ("image", "grain"), ("image", "colours")]
@@ -482,3 +483,28 @@ def test_a_change_of_part_draws_nothing_anew():
     assert len(read_file(text).drawing.art) == 5
     assert re.sub(' data-ss-part="a"', "", text).count('class="stroke" data-ss-class') == 5
     assert [m for m in re.findall("<path.*?/>", text)] == [m for m in re.findall("<path.*?/>", write_svg(file.drawing))]
+
+
+def test_a_long_stroke_of_grain_that_was_turned_and_rounded():
+    rng = np.random.default_rng(0)
+    line = Strokes([[50.0, 60.0], [250, 90], [420, 60]], [12.0] * 3, [0, 3], [0], [False])
+    strip = np.zeros((600, 16, 4), np.uint8)
+    strip[..., 3] = 255 * np.clip(ndimage.gaussian_filter(rng.normal(0.5, 1, (600, 16)), 1.0), 0, 1)
+    strip[:20, :, 3] = 0
+    strip[8:11, 7:9, 3] = 255  # a speck comes first
+    made = Drawing(line, (480, 160), [[0, 0, 0, 1]], Texture(strip, [0, 600], 2.0))
+    turn = np.array([[np.cos(0.2), np.sin(0.2)], [-np.sin(0.2), np.cos(0.2)]])
+
+    def turned(match):
+        rings = [np.array(ring).reshape(-1, 4, 2) * 0.15 @ turn + [15, -9] for ring in parse_path(match[1])]
+        text = [
+            "M{:.2f} {:.2f}".format(*ring[0, 0])
+            + "".join("C" + " ".join(f"{p:.2f}" for p in c.ravel()[2:]) for c in ring)
+            for ring in rings
+        ]
+        return f' d="{"z".join(text)}z"'
+
+    text = write_svg(made, texture="vector")
+    got = read(re.sub(' transform="scale[^"]*"', "", re.sub(' d="([^"]*)"', turned, text))).strokes
+    assert np.abs(got.xy[[0, -1]] - (line.xy[[0, -1]] @ turn + [15, -9])).max() < 0.2
+    assert np.abs(got.thickness - 12).max() < 0.01

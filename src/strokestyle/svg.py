@@ -25,7 +25,7 @@ from .strokes import Drawing, Strokes, paint_order
 from .svg_lines import EFFECT, effect, plotter_svg, power_strokes
 from .svg_page import Mark, SvgOptions, document, layered
 from .svg_read import NAME, drawn_by, read
-from .svg_syntax import fine_line, first_line, landmarks
+from .svg_syntax import enclosed, fine_line, first_line, landmarks
 from .svg_text import attribute, element, hex_color, number, numbers, polyline_path, rings_path, units
 from .tones import UNIT, tone_paths, tones
 
@@ -217,7 +217,7 @@ def _flat(drawing, options, order):
     skeletons = power_strokes(drawing, options, order.tolist()) if options.inkscape_lpe else [None] * len(order)
     for rings, skeleton in zip(outlines(drawing.strokes, options.tolerance, order), skeletons, strict=True):
         d = rings_path(rings, options.decimals)
-        at = marks(landmarks(fine_line(rings[0]))) if rings else {}
+        at = _marked(fine_line(rings[0])) if rings else {}
         attributes = {**at, "fill-rule": "nonzero", "d": d}
         if skeleton is not None:
             attributes |= {"inkscape:path-effect": f"#{EFFECT}{NAME}", "inkscape:original-d": skeleton[0]}
@@ -236,7 +236,7 @@ def _tones(drawing, options, order):
         for (color, opacity, d), off in zip(paths, stray, strict=True):
             fill = {} if off < SAME_INK or off == min(stray) < NEAR_INK else {"fill": hex_color(color)}
             content += element("path", {**fill, "fill-opacity": number(opacity, 2), "transform": unit, "d": d})
-        yield "g", marks(UNIT * landmarks(first_line(paths[0][2]))) if paths else {}, content
+        yield "g", _marked(UNIT * first_line(paths[0][2])) if paths else {}, content
 
 
 def _images(drawing, options, order):
@@ -291,7 +291,13 @@ def _data(drawing: Drawing, i: int, decimals: int, knots: tuple[np.ndarray, np.n
     return data
 
 
+def _marked(line: np.ndarray) -> dict[str, str]:
+    """`data-ss-at`: where a stroke's first shape is, by the landmarks of its edge (n, 2), and the area within."""
+    at = marks(landmarks(line))["data-ss-at"]
+    return {"data-ss-at": f"{at} {number(enclosed(line), 2)}"}
+
+
 def marks(at: np.ndarray) -> dict[str, str]:
-    """`data-ss-at`: where a stroke's first shape is, its landmarks or the corners of an image (4, 2)."""
-    x, y = (numbers(units(column, 2), 2) for column in at.T)
+    """`data-ss-at` of landmarks or the corners of an image, (4, 2)."""
+    x, y = (numbers(units(column, 3), 3) for column in at.T)
     return {"data-ss-at": " ".join(f"{a},{b}" for a, b in zip(x, y, strict=True))}

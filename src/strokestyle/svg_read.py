@@ -12,7 +12,7 @@ import numpy as np
 
 from . import svg_syntax as limits
 from .curve_files import kind_named
-from .curves import KINDS, arc_length
+from .curves import KINDS, arc, arc_length
 from .parts import Parts, part_name
 from .ribbons import ribbon, strip_points
 from .strips import MAX_TEXELS as STRIP_TEXELS
@@ -22,11 +22,13 @@ from .svg_lines import EFFECT
 from .svg_page import FORMAT, LICENSES, SvgOptions
 from .svg_syntax import (
     IDENTITY,
+    ROUNDING,
     SVG_NAMESPACE,
     Affine,
     Walker,
     compose,
     css_property,
+    enclosed,
     fine_line,
     first_line,
     flatten,
@@ -508,7 +510,10 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
     first = found.shapes[0]
     attributes = first.attributes
     try:
-        then = np.array([pair.split(",") for pair in found.attributes["data-ss-at"].split()], np.float64)
+        *places, within = found.attributes["data-ss-at"].split()
+        if "," in within:  # of an image, or written before an area was
+            places, within = [*places, within], "nan"
+        then = np.array([pair.split(",") for pair in places], np.float64)
         if then.shape != (4, 2) or not (np.abs(then) <= MAX_PLACE).all():
             return [IDENTITY]
         if first.tag == "image":
@@ -521,12 +526,24 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
         else:
             lines = [first_line(d)]
         lines = [transformed(first.matrix, line) for line in lines]
-        moves = [moved_by(then, landmarks(line), line) for line in lines]
+        moves = [_unless_edited(moved_by(then, landmarks(line), line), float(within), line) for line in lines]
         if len(moves) > 1 and None in moves:
             moves = moves[:1]
         return [move or IDENTITY for move in moves]
     except ValueError:
         return [IDENTITY]
+
+
+def _unless_edited(move: Affine | None, within: float, line: np.ndarray) -> Affine | None:
+    """A transform of a shape, if it takes the area `within` to that within a line; few landmarks fit many a shape.
+
+    Rounding may move an edge by ROUNDING px, or its area by a thousandth.
+    """
+    if move is None or move == IDENTITY or np.isnan(within):
+        return move
+    within *= abs(move[0] * move[3] - move[1] * move[2])
+    slack = ROUNDING * arc(line)[-1] + 1e-3 * within
+    return move if abs(enclosed(line) - within) <= slack else None
 
 
 def _art(data: bytes, found: _Found) -> tuple[str, str] | None:

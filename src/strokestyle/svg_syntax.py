@@ -383,6 +383,12 @@ def landmarks(line: np.ndarray, measured: np.ndarray | None = None) -> np.ndarra
     return np.stack([np.interp(at, along, column) for column in line.T], axis=1)
 
 
+def enclosed(line: np.ndarray) -> float:
+    """The area that a polyline (n, 2) goes round, by the shoelace formula."""
+    x, y = line.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
 def moved_by(then: np.ndarray, now: np.ndarray, line: np.ndarray | None = None, slack: float = 0.05) -> Affine | None:
     """The transform that took a shape from where its landmarks (4, 2) were to where they are; None: it was edited.
 

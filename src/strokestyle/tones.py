@@ -256,7 +256,7 @@ def _splines(xy, offsets, slack):
 
 
 def _largest_first(area, group):
-    """An order (R,) by group, in which the largest of each comes first: from it a reader tells how a stroke was moved."""
+    """An order (R,) by group, the largest of each first: from it a reader tells how a stroke was moved."""
     by_area = np.lexsort((-area, group))
     rank = np.ones(len(group))
     rank[by_area[np.diff(group[by_area], prepend=-1) > 0]] = 0

@@ -200,7 +200,7 @@ async function writeStroke(element, mark, options) {
   if (mark.strip) await writeTexture(element, mark, options);
   else element.setAttribute("d", ringsText(outlineOf(line, tolerance), decimals));
   const places = drawnAt(mark.strip ? element.querySelector("path, image") : element);
-  if (places) element.setAttribute("data-ss-at", places.map((xy) => xy.map((p) => numberText(p, 2))).join(" "));
+  if (places) element.setAttribute("data-ss-at", places.map((xy) => xy.map((p) => numberText(p, 3)).join(",")).join(" "));
   else element.removeAttribute("data-ss-at");
 }
 
@@ -215,8 +215,8 @@ async function writeTexture(element, mark, options) {
 }
 
 /**
- * Where a shape is, [[x, y] x 4], so that a reader sees how another program moved it: an image's corners, or the points
- * at 0, 1/4, 1/2 and 3/4 of the length of a path's first ring. Null where nothing is drawn.
+ * Where a shape is, so that a reader sees how another program moved it, [[x, y] x 4]: an image's corners, or the points
+ * at 0, 1/4, 1/2 and 3/4 of the length of a path's first ring; then [area] of the ring. Null where nothing is drawn.
  */
 function drawnAt(shape) {
   if (shape?.localName === "image") {
@@ -246,7 +246,8 @@ function drawnAt(shape) {
   const wanted = [0, 0.25, 0.5, 0.75].map((share) => share * along[along.length - 1]);
   const [atX, atY] = interp(wanted, along, x, y);
   const unit = shape.hasAttribute("transform") ? UNIT : 1; // of tones
-  return Array.from(atX, (value, i) => [value * unit, atY[i] * unit]);
+  const places = Array.from(atX, (value, i) => [value * unit, atY[i] * unit]);
+  return [...places, [Math.abs(areaOf(ring)) * unit * unit]];
 }
 
 /** A point of a Bezier curve, by de Casteljau. */
