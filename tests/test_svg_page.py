@@ -192,6 +192,20 @@ def test_inkscape_makes_the_same_of_a_power_stroke(tmp_path):
     assert np.abs(made - ours).mean() < 0.06 * (255 - ours).mean()
 
 
+def test_a_power_stroke_that_inkscape_moved_is_read_where_it_went():
+    drawing = small(None)
+    text = write_svg(drawing, inkscape_lpe=True)
+
+    def moved(match):  # Inkscape moves the skeleton, and begins the outline elsewhere
+        x, y = map(float, re.findall("-?[0-9.]+", match[2]))
+        return f'd="M1 2l9 9z" inkscape:path-effect="{match[1]}" inkscape:original-d="M{x + 30:.9g} {y - 20:.9g}'
+
+    new = re.sub(r'd="M[^"]*" inkscape:path-effect="([^"]*)" inkscape:original-d="M([-0-9. ]+)', moved, text)
+    got = read(new).strokes
+    assert np.abs(got.xy - read(text).strokes.xy - [30, -20]).max() < 0.01
+    assert np.array_equal(got.thickness, read(text).strokes.thickness)
+
+
 def test_lines_of_nothing():
     nothing = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), (40, 30), np.zeros((0, 4)))
     for options in ({"plotter": True}, {"inkscape_lpe": True}):

@@ -217,10 +217,11 @@ def _flat(drawing, options, order):
     skeletons = power_strokes(drawing, options, order.tolist()) if options.inkscape_lpe else [None] * len(order)
     for rings, skeleton in zip(outlines(drawing.strokes, options.tolerance, order), skeletons, strict=True):
         d = rings_path(rings, options.decimals)
-        at = _marked(fine_line(rings[0])) if rings else {}
+        at = {"data-ss-at": _edge_at(fine_line(rings[0]))} if rings else {}
         attributes = {**at, "fill-rule": "nonzero", "d": d}
         if skeleton is not None:
             attributes |= {"inkscape:path-effect": f"#{EFFECT}{NAME}", "inkscape:original-d": skeleton[0]}
+            attributes["data-ss-spine"] = _at(landmarks(first_line(skeleton[0])))  # Inkscape draws the outline anew
             attributes["points"] = skeleton[1]  # for the effect in the file's head
         yield "path", attributes, ""
 
@@ -236,7 +237,7 @@ def _tones(drawing, options, order):
         for (color, opacity, d), off in zip(paths, stray, strict=True):
             fill = {} if off < SAME_INK or off == min(stray) < NEAR_INK else {"fill": hex_color(color)}
             content += element("path", {**fill, "fill-opacity": number(opacity, 2), "transform": unit, "d": d})
-        yield "g", _marked(UNIT * first_line(paths[0][2])) if paths else {}, content
+        yield "g", {"data-ss-at": _edge_at(UNIT * first_line(paths[0][2]))} if paths else {}, content
 
 
 def _images(drawing, options, order):
@@ -251,7 +252,7 @@ def _images(drawing, options, order):
         href = "data:image/png;base64," + base64.b64encode(png).decode("ascii")
         image = element("image", {**box, "preserveAspectRatio": "none", "xlink:href": href})
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
-        yield "g", marks(corners), image
+        yield "g", {"data-ss-at": _at(corners)}, image
 
 
 # ------------------------------------------------------------------------------------------- a stroke, to be read back
@@ -291,13 +292,12 @@ def _data(drawing: Drawing, i: int, decimals: int, knots: tuple[np.ndarray, np.n
     return data
 
 
-def _marked(line: np.ndarray) -> dict[str, str]:
+def _edge_at(line: np.ndarray) -> str:
     """`data-ss-at`: where a stroke's first shape is, by the landmarks of its edge (n, 2), and the area within."""
-    at = marks(landmarks(line))["data-ss-at"]
-    return {"data-ss-at": f"{at} {number(enclosed(line), 2)}"}
+    return f"{_at(landmarks(line))} {number(enclosed(line), 2)}"
 
 
-def marks(at: np.ndarray) -> dict[str, str]:
-    """`data-ss-at` of landmarks or the corners of an image, (4, 2)."""
-    x, y = (numbers(units(column, 3), 3) for column in at.T)
-    return {"data-ss-at": " ".join(f"{a},{b}" for a, b in zip(x, y, strict=True))}
+def _at(places: np.ndarray) -> str:
+    """Landmarks or the corners of an image, (4, 2), as text."""
+    x, y = (numbers(units(column, 3), 3) for column in places.T)
+    return " ".join(f"{a},{b}" for a, b in zip(x, y, strict=True))

@@ -22,6 +22,7 @@ from .svg_lines import EFFECT
 from .svg_page import FORMAT, LICENSES, SvgOptions
 from .svg_syntax import (
     IDENTITY,
+    INKSCAPE_NAMESPACE,
     ROUNDING,
     SVG_NAMESPACE,
     Affine,
@@ -67,7 +68,7 @@ _ART = re.compile(
 )
 _ART_NAMES = {
     "data-ss-class", "data-ss-path", "data-ss-width", "data-ss-closed", "data-ss-texture", "data-ss-margin",
-    "data-ss-at", "data-ss-opacity", "fill", "fill-opacity", "fill-rule", "d",
+    "data-ss-at", "data-ss-spine", "data-ss-opacity", "fill", "fill-opacity", "fill-rule", "d",
     "inkscape:path-effect", "inkscape:original-d",
 }  # fmt: skip
 
@@ -510,12 +511,14 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
     first = found.shapes[0]
     attributes = first.attributes
     try:
+        spine = attributes.get(INKSCAPE_NAMESPACE + "}original-d", "")
+        if spine and "data-ss-spine" in attributes:  # a PowerStroke, whose outline Inkscape draws anew
+            line = transformed(first.matrix, first_line(spine))
+            return [moved_by(_landmarks(attributes["data-ss-spine"].split()), landmarks(line), line) or IDENTITY]
         *places, within = found.attributes["data-ss-at"].split()
         if "," in within:  # of an image, or written before an area was
             places, within = [*places, within], "nan"
-        then = np.array([pair.split(",") for pair in places], np.float64)
-        if then.shape != (4, 2) or not (np.abs(then) <= MAX_PLACE).all():
-            return [IDENTITY]
+        then = _landmarks(places)
         if first.tag == "image":
             x, y, w, h = image_box(attributes)
             now = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
@@ -532,6 +535,14 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
         return [move or IDENTITY for move in moves]
     except ValueError:
         return [IDENTITY]
+
+
+def _landmarks(pairs: list[str]) -> np.ndarray:
+    """(4, 2) of "x,y" texts. Raises ValueError."""
+    at = np.array([pair.split(",") for pair in pairs], np.float64)
+    if at.shape != (4, 2) or not (np.abs(at) <= MAX_PLACE).all():
+        raise ValueError("bad landmarks")
+    return at
 
 
 def _unless_edited(move: Affine | None, within: float, line: np.ndarray) -> Affine | None:
