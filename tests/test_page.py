@@ -267,6 +267,22 @@ def test_what_the_page_paints_is_the_drawing(opened):
 
 
 @in_browser
+def test_the_first_picture_waits_for_no_worker(opened):
+    browser = opened(drawing("grain"))
+    browser.wait_for("frame === 0 && shown && shown.canvas.view.scale > current.camera.zoom")  # the picture at its best
+    text = """
+        painters.splice(0, painters.length, { tell() {}, paint: () => new Promise(() => {}) }); // it never answers
+        shown = null;
+        ink.getContext("2d").clearRect(0, 0, ink.width, ink.height);
+        refresh();
+    """
+    browser.run(f"(() => {{ {text} }})()")
+    browser.frame()
+    shown = "ink.getContext('2d').getImageData(0, 0, ink.width, ink.height).data.filter((v, i) => i % 4 === 3 && v > 0)"
+    assert browser.run(f"{shown}.length") > 1000
+
+
+@in_browser
 def test_edges_of_tones_are_those_of_the_command(opened):
     angle = np.linspace(0, 2 * np.pi, 101)
     radius = 30 + 4 * np.sin(5 * angle) + 2 * np.cos(9 * angle)

@@ -134,7 +134,7 @@ function paperColor() {
   return 0xff000000 | ((hex & 255) << 16) | (hex & 0xff00) | (hex >> 16);
 }
 
-/** The canvas at `fine` pixels a pixel of the screen: {width, height, view, box of the paper seen}. */
+/** The canvas at `fine` pixels a pixel of the screen: {width, height, its sides there, view, box of the paper seen}. */
 function canvasAt(fine) {
   const density = devicePixelRatio * fine;
   const { zoom, x, y } = current.camera;
@@ -145,7 +145,8 @@ function canvasAt(fine) {
   const x1 = Math.min(width, Math.round(view.x + w * view.scale));
   const y1 = Math.min(height, Math.round(view.y + h * view.scale));
   const box = { x0, y0, width: x1 - x0, height: y1 - y0 };
-  return { width, height, view, box: width > 0 && height > 0 && x1 > x0 && y1 > y0 ? box : null };
+  const sides = [`${stage.clientWidth}px`, `${stage.clientHeight}px`];
+  return { width, height, sides, view, box: width > 0 && height > 0 && x1 > x0 && y1 > y0 ? box : null };
 }
 
 function editShown() {
@@ -162,6 +163,7 @@ function showCanvas(next, pictures, box = next.canvas.box) {
   const context = ink.getContext("2d");
   if (canvas !== shown?.canvas) {
     if (ink.width !== canvas.width || ink.height !== canvas.height) [ink.width, ink.height] = [canvas.width, canvas.height];
+    [ink.style.width, ink.style.height] = canvas.sides; // not the window's, which may grow before the next picture comes
     context.clearRect(0, 0, canvas.width, canvas.height);
     const [w, h] = sheet.drawing.size;
     const sides = { left: camera.x, top: camera.y, width: camera.zoom * w, height: camera.zoom * h };
@@ -178,7 +180,8 @@ function pictureOn(canvas) {
 
 /** A painter's job, to paint a box of a picture. */
 function jobOf({ sheet, edit, canvas }, box) {
-  return { sheet: sheets.indexOf(sheet), edit, view: canvas.view, paper: paperColor(), ...box };
+  const density = 2 ** (Math.ceil(4 * Math.log2(canvas.view.scale)) / 4); // in steps, so that marks outlast a little zoom
+  return { sheet: sheets.indexOf(sheet), edit, view: canvas.view, density, paper: paperColor(), ...box };
 }
 
 /** Paint the drawing now: only what changed if that is little, else all of it at `fine` pixels a pixel of the screen. */
@@ -187,15 +190,16 @@ async function paint(fine) {
   const part = partChanged();
   const next = pictureOn(part ? from.canvas : canvasAt(fine));
   const box = part ?? next.canvas.box;
-  const pictures = box?.height ? await paintBands(jobOf(next, box)) : [];
+  let pictures = [];
+  if (box?.height && from) pictures = await paintBands(jobOf(next, box));
+  else if (box?.height && from) pictures = [{ data: painted(current, jobOf(next, box)), y0: box.y0 }]; // at once, not when painters came
   if (current !== next.sheet || (part && shown !== from)) return; // something else is shown by now
-  if (!part) balance(pictures);
+  if (from && !part) balance(pictures);
   showCanvas(next, pictures, box);
 }
 
 /** Paint a job's rows, a band by each painter: [{data, y0, pace: ms a row}]. */
 async function paintBands(job) {
-  const density = 2 ** (Math.ceil(4 * Math.log2(job.view.scale)) / 4); // in steps, so that marks outlast a little zoom
   let share = 0;
   const ends = shares.map((each) => Math.round((share += each) * job.height));
   ends[ends.length - 1] = job.height;
@@ -204,7 +208,7 @@ async function paintBands(job) {
     const height = ends[k] - top;
     if (height <= 0) return null;
     const start = performance.now();
-    const data = await painter.paint({ ...job, y0: job.y0 + top, height, density });
+    const data = await painter.paint({ ...job, y0: job.y0 + top, height });
     return { data, y0: job.y0 + top, pace: (performance.now() - start) / height };
   });
   return (await Promise.all(bands)).filter((band) => band);
