@@ -192,7 +192,8 @@ async function paint(fine) {
   const box = part ?? next.canvas.box;
   let pictures = [];
   if (box?.height && from) pictures = await paintBands(jobOf(next, box));
-  else if (box?.height && from) pictures = [{ data: painted(current, jobOf(next, box)), y0: box.y0 }]; // at once, not when painters came
+  // the first picture at once: painters may be long in coming
+  else if (box?.height) pictures = [{ data: painted(current, jobOf(next, box)), y0: box.y0 }];
   if (current !== next.sheet || (part && shown !== from)) return; // something else is shown by now
   if (from && !part) balance(pictures);
   showCanvas(next, pictures, box);
