@@ -6,7 +6,7 @@ import numpy as np
 
 
 def fit_cubics(rings: list[np.ndarray], corners: list[np.ndarray], tolerance: float) -> list[np.ndarray]:
-    """Smooth cubic Beziers through closed polygons, within `tolerance` of their vertices.
+    """Smooth cubic Beziers through closed polygons, within `tolerance` of them.
 
     Schneider 1990 ("An algorithm for automatically fitting digitized curves"), all pieces of all rings in step:
     fit by least squares with the end tangents held, reparameterise, cut where the error is worst.
@@ -88,7 +88,7 @@ def _fit(xy, first_tangent, last_tangent, begin, end, home, tolerance):
     """Cubics for spans of rows begin..end, cut where they must be: control points, first rows, and `home` of each."""
     done = []
     while len(begin):
-        cubic, error, worst = _fit_spans(xy, first_tangent, last_tangent, begin, end)
+        cubic, error, worst = _fit_spans(xy, first_tangent, last_tangent, begin, end, tolerance)
         good = (error <= tolerance) | (end - begin < 2)
         done.append((begin[good], home[good], cubic[good]))
         b, e, h, w = begin[~good], end[~good], home[~good], worst[~good]
@@ -99,7 +99,7 @@ def _fit(xy, first_tangent, last_tangent, begin, end, home, tolerance):
     return cubic[order], begin[order], home[order]
 
 
-def _fit_spans(xy, first_tangent, last_tangent, begin, end):
+def _fit_spans(xy, first_tangent, last_tangent, begin, end, tolerance):
     """One cubic for each span of rows begin..end (inclusive): control points, worst error, and the row to cut at."""
     count = end - begin + 1
     head = np.cumsum(count) - count
@@ -114,6 +114,13 @@ def _fit_spans(xy, first_tangent, last_tangent, begin, end):
     t = along / np.maximum(length, 1e-12)[span]
     p0, p3, t1, t2 = xy[begin], xy[end], first_tangent[begin], -last_tangent[end]
     chord = np.hypot(*(p3 - p0).T)
+
+    # the tangents of a span without points between are held to nothing: they must not carry its curve off the chord
+    along_chord = (p3 - p0) / np.maximum(chord, 1e-12)[:, None]
+    third1, third2 = (
+        np.where(count > 2, length / 3, np.minimum(length / 3, tolerance / np.maximum(_lean(tangent, way), 1e-12)))
+        for tangent, way in ((t1, along_chord), (t2, -along_chord))
+    )
 
     def total(values):
         return np.add.reduceat(values, head, axis=0)
@@ -130,7 +137,7 @@ def _fit_spans(xy, first_tangent, last_tangent, begin, end):
         h1, h2 = (x1 * c22 - x2 * c12) / safe, (c11 * x2 - c12 * x1) / safe
         # handles that point backwards or overtake each other make loops: then a third of the way
         solvable &= (h1 > 0.01 * chord) & (h2 > 0.01 * chord) & (h1 + h2 < 1.5 * length)
-        h1, h2 = np.where(solvable, h1, length / 3), np.where(solvable, h2, length / 3)
+        h1, h2 = np.where(solvable, h1, third1), np.where(solvable, h2, third2)
         p1, p2 = p0 + h1[:, None] * t1, p3 + h2[:, None] * t2
         curve = b0[:, None] * p0[span] + b1[:, None] * p1[span] + b2[:, None] * p2[span] + b3[:, None] * p3[span]
         off = curve - q
@@ -146,6 +153,14 @@ def _fit_spans(xy, first_tangent, last_tangent, begin, end):
             t = np.clip(t - move, 0.0, 1.0)
             t[head], t[head + count - 1] = 0.0, 1.0
     error = np.round(np.hypot(off[:, 0], off[:, 1]), 9)  # so that ties fall alike whatever else is fitted beside
+    # a curve that keeps to the points must keep to the polygon's edges between them too
+    close = (np.maximum.reduceat(error, head) <= tolerance) & (count > 2)
+    k = np.flatnonzero((span[1:] == span[:-1]) & close[span[1:]])
+    s = span[k]
+    w = (0.5 * (t[k] + t[k + 1]))[:, None]
+    middle = (1 - w) ** 2 * ((1 - w) * p0[s] + 3 * w * p1[s]) + w * w * (3 * (1 - w) * p2[s] + w * p3[s])
+    between = np.round(_from_edges(middle, q[k], q[k + 1]), 9)
+    error[k], error[k + 1] = np.maximum(error[k], between), np.maximum(error[k + 1], between)
     worst = np.maximum.reduceat(error, head)
     inner = np.where((row > begin[span]) & (row < end[span]), error, -1.0)
     top = np.maximum.reduceat(inner, head)
@@ -153,3 +168,17 @@ def _fit_spans(xy, first_tangent, last_tangent, begin, end):
     at = np.full(len(begin), 0)
     at[span[pick[::-1]]] = row[pick[::-1]]
     return np.stack([p0, p1, p2, p3], axis=1), worst, at
+
+
+def _lean(tangent, chord):
+    """The sine (n,) of the angle between unit vectors, 1 where it is beyond a right one."""
+    sine = np.abs(tangent[:, 0] * chord[:, 1] - tangent[:, 1] * chord[:, 0])
+    return np.where((tangent * chord).sum(axis=1) > 0, sine, 1.0)
+
+
+def _from_edges(points, a, b):
+    """Distance (n,) of points (n, 2) from the edges a..b."""
+    d, off = b - a, points - a
+    at = np.clip((off * d).sum(axis=1) / np.maximum((d * d).sum(axis=1), 1e-18), 0.0, 1.0)
+    off = off - at[:, None] * d
+    return np.hypot(off[:, 0], off[:, 1])

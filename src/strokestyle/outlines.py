@@ -118,7 +118,10 @@ def _evenly(ring, hard):
     keep = step > 1e-6
     if not keep.any():
         return ring[:1], np.zeros(1, bool)
-    ring, hard = ring[keep], hard[keep]
+    heap = np.cumsum(keep) - 1  # -1, the last: the points before the first that is kept
+    corner = np.zeros(heap[-1] + 1, bool)
+    corner[heap[hard]] = True
+    ring, hard = ring[keep], corner
     d = np.roll(ring, -1, axis=0) - ring
     pieces = np.maximum(np.ceil(np.hypot(d[:, 0], d[:, 1]) / FIT_STEP).astype(np.int64), 1)
     k = np.repeat(np.arange(len(ring)), pieces)
@@ -189,6 +192,10 @@ def _offset_ring(p, r, turn, tolerance):
     at_pivot = pivot[vertex]
     ring[at_pivot & (j == 0)], ring[at_pivot & (j == 1)], ring[at_pivot & (j == 2)] = a[pivot], p[pivot], b[pivot]
     hard = at_pivot | ((meet | (~inside & ~arc)) & (np.abs(swing) > 0.5))[vertex]
+    # where one disc holds the next one the offset runs along the centre line, at right angles to both circles; rounded
+    # corners there would part ways that must cancel each other within the stroke, and leave a slit
+    held = np.abs(r[after] - r) >= length
+    hard |= held[before][vertex] & (j == 0) | held[vertex] & (j == steps[vertex] - 1)
     return ring, hard, at_pivot
 
 
