@@ -14,6 +14,8 @@ FIT_STEP = 1.5  # px between the points of an outline that its cubics are fitted
 MOST_PROBES = 6000  # of a stroke
 PROBE_STEP = 0.6  # px between the points at which a loop that was cut from an outline is looked at
 
+BESIDE = 0.02  # px beside the corners of an outline that was cut at which it is looked at too
+
 
 def outline(strokes: Strokes, i: int, tolerance: float = 0.1) -> list[np.ndarray]:
     """The outline of stroke i as rings of cubic Beziers, to be filled by the nonzero rule.
@@ -72,11 +74,32 @@ def exact_rings(xy, radius, closed: bool, tolerance: float) -> list[tuple[np.nda
     probes = np.concatenate([probe for _, _, probe in neat])
     if len(probes):  # every loop that was cut away must leave the filled region as it was
         probes = probes[:: -(-len(probes) // MOST_PROBES)]
+        probes = np.concatenate([probes, *(_beside_corners(ring, hard) for ring, hard, _ in neat)])
         depth = signed_distance(xy, radius, probes)
         filled = sum(winding_number(ring, probes) for ring, _, _ in neat) != 0
-        if (filled != (depth < 0))[np.abs(depth) > 0.05].any():
+        if (filled != (depth < 0))[np.abs(depth) > min(0.05, 2.5 * tolerance)].any():
             neat = made
-    return [_evenly(ring, hard) for ring, hard, _ in neat]
+    rings = [(ring, hard) for ring, hard, _ in neat]
+    if any(pivot.any() for _, _, pivot in made):
+        rings = [(ring, _hard_within(xy, radius, ring, hard, 5.0 * tolerance)) for ring, hard in rings]
+    return [_evenly(*ring) for ring in rings]
+
+
+def _beside_corners(ring, hard):
+    """Points (2 c, 2) a little within and without each corner of a ring: what is lost is at the tip of a notch."""
+    ahead, behind = np.roll(ring, -1, axis=0)[hard] - ring[hard], np.roll(ring, 1, axis=0)[hard] - ring[hard]
+    between = sum(d / np.maximum(np.hypot(d[:, 0], d[:, 1]), 1e-12)[:, None] for d in (ahead, behind))
+    between *= BESIDE / np.maximum(np.hypot(between[:, 0], between[:, 1]), 1e-12)[:, None]
+    return np.concatenate([ring[hard] + between, ring[hard] - between])
+
+
+def _hard_within(xy, radius, ring, hard, depth):
+    """`hard`, and every vertex deeper than `depth` in the stroke where one of the corners is: edges that run back and
+    forth there overlap by a hair at times, and must stay straight so as not to leave a slit."""
+    corner = np.flatnonzero(hard)
+    if not (signed_distance(xy, radius, ring[corner]) < -depth).any():
+        return hard
+    return hard | (signed_distance(xy, radius, ring) < -depth)
 
 
 def winding_number(
