@@ -94,12 +94,10 @@ def _beside_corners(ring, hard):
 
 
 def _hard_within(xy, radius, ring, hard, depth):
-    """`hard`, and every vertex deeper than `depth` in the stroke where one of the corners is: edges that run back and
-    forth there overlap by a hair at times, and must stay straight so as not to leave a slit."""
-    corner = np.flatnonzero(hard)
-    if not (signed_distance(xy, radius, ring[corner]) < -depth).any():
-        return hard
-    return hard | (signed_distance(xy, radius, ring) < -depth)
+    """`hard`, and both ends of every edge that runs deeper than `depth` in the stroke: edges that go back and forth
+    there overlap by a hair at times, and must stay straight so as not to leave a slit."""
+    deep = signed_distance(xy, radius, 0.5 * (ring + np.roll(ring, -1, axis=0))) < -depth
+    return hard | deep | np.roll(deep, 1)
 
 
 def winding_number(

@@ -19,7 +19,9 @@ function offsetRing(px, py, r, turn, tolerance) {
     lean.push(Math.asin(Math.min(Math.max((r[j] - r[k]) / Math.hypot(dx, dy), -1), 1)));
     const angle = heading[k] + Math.PI / 2 + lean[k];
     const [mx, my] = [Math.cos(angle), Math.sin(angle)];
-    seg.push({ ax: px[k] + r[k] * mx, ay: py[k] + r[k] * my, bx: px[j] + r[j] * mx, by: py[j] + r[j] * my, angle });
+    const held = Math.abs(r[j] - r[k]) >= Math.hypot(dx, dy); // by the other's disc: corners, else there are slits
+    const [ax, ay, bx, by] = [px[k] + r[k] * mx, py[k] + r[k] * my, px[j] + r[j] * mx, py[j] + r[j] * my];
+    seg.push({ ax, ay, bx, by, angle, held });
   }
   const bend = heading.map((h, k) => wrap(h - heading[(k + n - 1) % n]));
   if (turn) {
@@ -54,7 +56,10 @@ function offsetRing(px, py, r, turn, tolerance) {
   }
   const put = (x, y, hard) => {
     const last = out.x.length - 1;
-    if (last >= 0 && Math.hypot(x - out.x[last], y - out.y[last]) < 1e-6) return;
+    if (last >= 0 && Math.hypot(x - out.x[last], y - out.y[last]) < 1e-6) {
+      out.hard[last] ||= hard;
+      return;
+    }
     out.x.push(x);
     out.y.push(y);
     out.hard.push(hard);
@@ -62,7 +67,8 @@ function offsetRing(px, py, r, turn, tolerance) {
   for (let k = 0; k < n; k++) {
     const before = seg[(k + n - 1) % n];
     const { swing, meet, x, y } = joint[k];
-    if (meet) put(x, y, Math.abs(swing) > 0.5);
+    const kink = Math.abs(swing) > 0.5 || before.held || seg[k].held;
+    if (meet) put(x, y, kink);
     else if (swing > 1e-9) {
       put(before.bx, before.by, true);
       put(px[k], py[k], true);
@@ -72,9 +78,10 @@ function offsetRing(px, py, r, turn, tolerance) {
       const steps = Math.ceil(Math.abs(swing) / chord);
       for (let j = 0; j <= steps; j++) {
         const angle = before.angle + (swing * j) / steps;
-        put(px[k] + r[k] * Math.cos(angle), py[k] + r[k] * Math.sin(angle), false);
+        const hard = (j === 0 && before.held) || (j === steps && seg[k].held);
+        put(px[k] + r[k] * Math.cos(angle), py[k] + r[k] * Math.sin(angle), hard);
       }
-    } else put(seg[k].ax, seg[k].ay, Math.abs(swing) > 0.5);
+    } else put(seg[k].ax, seg[k].ay, kink);
   }
   return out;
 }
@@ -123,7 +130,7 @@ function spread({ x, y, hard }) {
   return out;
 }
 
-/** Smooth cubics through a closed polygon, within `tolerance` of its vertices (Schneider 1990). */
+/** Smooth cubics through a closed polygon, within `tolerance` of it (Schneider 1990). */
 function fitRing({ x, y, hard }, tolerance) {
   const n = x.length;
   if (n < 3) return [];
@@ -151,7 +158,15 @@ function fitRing({ x, y, hard }, tolerance) {
   const cubics = [];
   const fit = (begin, end) => {
     const back = tangent(end, false);
-    const { cubic, error, worst } = fitSpan(qx, qy, begin, end, tangent(begin, true), [-back[0], -back[1]]);
+    const { cubic, error, worst } = fitSpan(
+      qx,
+      qy,
+      begin,
+      end,
+      tangent(begin, true),
+      [-back[0], -back[1]],
+      tolerance,
+    );
     if (error <= tolerance || end - begin < 2) cubics.push(cubic);
     else {
       fit(begin, worst);
@@ -163,7 +178,7 @@ function fitRing({ x, y, hard }, tolerance) {
 }
 
 /** One cubic for the points begin .. end with its end tangents held: {cubic, error, worst: where to cut}. */
-function fitSpan(qx, qy, begin, end, [ux, uy], [vx, vy]) {
+function fitSpan(qx, qy, begin, end, [ux, uy], [vx, vy], tolerance) {
   const count = end - begin + 1;
   const t = new Float64Array(count);
   for (let i = 1; i < count; i++) {
@@ -195,6 +210,12 @@ function fitSpan(qx, qy, begin, end, [ux, uy], [vx, vy]) {
     // handles that point backwards or overtake each other make loops: then a third of the way
     const good = count > 2 && det > 1e-9 * Math.max(c11 * c22, 1e-12) && h1 > 0.01 * chord && h2 > 0.01 * chord;
     if (!good || h1 + h2 >= 1.5 * length) h1 = h2 = length / 3;
+    if (count === 2) {
+      // without points between, its tangents are held to nothing: they must not carry the curve off the chord
+      const most = (x, y) => (tolerance * chord) / Math.max(Math.abs(x * (dy - ay) - y * (dx - ax)), 1e-12);
+      h1 = Math.min(h1, ux * (dx - ax) + uy * (dy - ay) > 0 ? most(ux, uy) : tolerance);
+      h2 = Math.min(h2, vx * (dx - ax) + vy * (dy - ay) < 0 ? most(vx, vy) : tolerance);
+    }
     [bx, by, cx, cy] = [ax + h1 * ux, ay + h1 * uy, dx + h2 * vx, dy + h2 * vy];
     [error, worst] = [0, begin + (count >> 1)];
     for (let i = 1; i < count - 1; i++) {
@@ -213,6 +234,18 @@ function fitSpan(qx, qy, begin, end, [ux, uy], [vx, vy]) {
       const slope = d1x * d1x + d1y * d1y + ox * d2x + oy * d2y;
       if (slope > 1e-12) t[i] = Math.min(Math.max(w - (ox * d1x + oy * d1y) / slope, 0), 1);
     }
+  }
+  if (error > tolerance) return { cubic: [ax, ay, bx, by, cx, cy, dx, dy], error, worst };
+  for (let i = 1; i < count && count > 2; i++) {
+    // a curve that keeps to the points must keep to the polygon's edges between them too
+    const w = 0.5 * (t[i - 1] + t[i]);
+    const [b0, b1, b2, b3] = [(1 - w) ** 3, 3 * w * (1 - w) ** 2, 3 * w * w * (1 - w), w ** 3];
+    const [fx, fy] = [qx[begin + i - 1], qy[begin + i - 1]];
+    const [ex, ey] = [qx[begin + i] - fx, qy[begin + i] - fy];
+    const [ox, oy] = [b0 * ax + b1 * bx + b2 * cx + b3 * dx - fx, b0 * ay + b1 * by + b2 * cy + b3 * dy - fy];
+    const at = Math.min(Math.max((ox * ex + oy * ey) / Math.max(ex * ex + ey * ey, 1e-18), 0), 1);
+    const off = Math.hypot(ox - at * ex, oy - at * ey);
+    if (off > error) [error, worst] = [off, begin + Math.min(i, count - 2)];
   }
   return { cubic: [ax, ay, bx, by, cx, cy, dx, dy], error, worst };
 }
