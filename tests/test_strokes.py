@@ -19,6 +19,15 @@ def test_signed_distance_of_a_round_cone():
     assert got[0] <= expected[0] and got[5] < -2.9
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_disc_that_holds_the_next_is_all_there_is(turned):
+    xy, radius = np.array([[0.0, 0.0], [0.5, 0.0]]), np.array([6.0, 1.0])
+    points = np.array([[3.0, 0.0], [3.0, 1e-7], [3.0, 2.0], [-2.0, 0.0], [8.0, 0.0]])
+    order = slice(None, None, -1) if turned else slice(None)
+    got = signed_distance(xy[order], radius[order], points)
+    assert got == pytest.approx(np.hypot(*points.T) - 6, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     "change, message",
     [

@@ -208,4 +208,5 @@ def cone_distance(rel, length, direction, radius, slope):
     y = np.abs(rel[..., 1] * direction[..., 0] - rel[..., 0] * direction[..., 1])
     tilt = np.clip(slope, -1 + 1e-12, 1 - 1e-12)
     s = np.clip(x - y * (tilt / np.sqrt(1 - tilt * tilt)), 0.0, length)
+    s = np.where(np.abs(slope) < 1, s, np.where(slope > 0, 0.0, length))  # on the axis too
     return np.hypot(x - s, y) - radius + slope * s
