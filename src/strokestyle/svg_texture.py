@@ -27,7 +27,7 @@ _PNG = re.compile(r"\s*data:image/png;base64,")  # images of other sorts, and el
 class Budget:
     """What the textures of a file may take to read."""
 
-    texels: int = 10_000_000
+    texels: int = 8_000_000
     pixels: int = 40_000_000  # of images
     looks: int = 200_000_000  # at a texel for a tone, and at an edge of the tone at its height
 
