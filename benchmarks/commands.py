@@ -19,7 +19,7 @@ EXAMPLES = Path(__file__).parent.parent / "examples"
 def measure(*command):
     """(wall seconds, CPU seconds, peak resident MiB) of `strokestyle *command`."""
     start = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "-m", "strokestyle.cli", *map(str, command), "-q"])
+    process = subprocess.Popen([sys.executable, "-m", "strokestyle", *map(str, command), "-q"])
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         sys.exit(f"strokestyle {' '.join(map(str, command))} failed")

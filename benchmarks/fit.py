@@ -48,8 +48,8 @@ def child(*words):
 
 def fit_stages(drawing, preset):
     """Seconds, steps of each stage of a fit in this process."""
-    from strokestyle import fit as fitting
-    from strokestyle.exemplar import load_exemplar
+    from strokestyle.fit import train as fitting
+    from strokestyle.fit.exemplar import load_exemplar
 
     fitting.BETWEEN = 0.0
     view = example_view(SHAPE)
@@ -68,9 +68,9 @@ def fit_stages(drawing, preset):
 
 
 def example_view(shape):
-    from strokestyle.camera import fit_camera
-    from strokestyle.surface import load_surface
-    from strokestyle.view import extract
+    from strokestyle.extract.camera import fit_camera
+    from strokestyle.extract.view import extract
+    from strokestyle.mesh.surface import load_surface
 
     surface = load_surface(shape)
     return extract(surface, fit_camera(surface.vertices, "three-quarter"))
@@ -104,15 +104,15 @@ def render_stages(model, *meshes):
         clock[:] = now
 
     table.append([])
-    from strokestyle.camera import fit_camera
-    from strokestyle.chaining import tidy
-    from strokestyle.curves import DEFAULT_SPACING, resample_curves
-    from strokestyle.feature_curves import feature_curves
-    from strokestyle.style import load_style
-    from strokestyle.surface import load_surface
-    from strokestyle.svg import write_svg
-    from strokestyle.view import View, feature_maps, visible_fragments
-    from strokestyle.visibility import Scene
+    from strokestyle.extract.camera import fit_camera
+    from strokestyle.extract.rays import Scene
+    from strokestyle.extract.segments import feature_curves
+    from strokestyle.extract.tidy import tidy
+    from strokestyle.extract.view import View, feature_maps, visible_fragments
+    from strokestyle.geometry.curves import DEFAULT_SPACING, resample_curves
+    from strokestyle.mesh.surface import load_surface
+    from strokestyle.render.style import load_style
+    from strokestyle.svg.write import write_svg
 
     lap()
     style = load_style(model)
@@ -171,8 +171,8 @@ def meshes_of(shared):
 
 def paper_steps(size):
     """Seconds a step of both modules of the paper on patches of one size; the first step, which warms up, left out."""
-    from strokestyle import fit as fitting
-    from strokestyle.exemplar import load_exemplar
+    from strokestyle.fit import train as fitting
+    from strokestyle.fit.exemplar import load_exemplar
 
     fitting.BETWEEN, clock = 0.0, {"geometry": [], "texture": []}
     view = example_view(SHAPE)
@@ -190,7 +190,7 @@ def paper_steps(size):
 
 
 def paper():
-    from strokestyle.paper_fit import PaperConfig
+    from strokestyle.fit.neural_strokes import PaperConfig
 
     config = PaperConfig()
     head(f"fit --preset paper, 768 x 768 px, batches of {config.batch} patches, on this machine's CPU")

@@ -17,9 +17,9 @@ import zlib
 
 import numpy as np
 
-from strokestyle.parts import Parts
-from strokestyle.strokes import Drawing, Strokes, Texture
-from strokestyle.svg import read, write_svg
+from strokestyle.drawing.strokes import Drawing, Strokes, Texture
+from strokestyle.geometry.parts import Parts
+from strokestyle.svg.write import read, write_svg
 
 NUMBERS = ("nan", "inf", "-inf", "1e999", "-1", "1e308", "0", "", "1e-320", "9" * 400, "1,", ",", "0x10", "1e5", "٣")
 ATTRIBUTES = (

@@ -29,13 +29,13 @@ sys.path.insert(0, str(ROOT / "tests"))
 import shapes  # noqa: E402  the tests' closed-form surfaces
 import sight  # noqa: E402
 
-from strokestyle import feature_curves as lines  # noqa: E402
-from strokestyle.camera import fit_camera  # noqa: E402
-from strokestyle.curves import KINDS, Curves, arc_length, owner, resample, tangents  # noqa: E402
-from strokestyle.feature_curves import SURFACE_KINDS, LineOptions, ViewFields, feature_curves  # noqa: E402
-from strokestyle.surface import load_surface, make_surface  # noqa: E402
-from strokestyle.view import SHARP_KINDS, extract, feature_maps  # noqa: E402
-from strokestyle.visibility import Scene  # noqa: E402
+from strokestyle.extract import segments as lines  # noqa: E402
+from strokestyle.extract.camera import fit_camera  # noqa: E402
+from strokestyle.extract.rays import Scene  # noqa: E402
+from strokestyle.extract.segments import SURFACE_KINDS, LineOptions, ViewFields, feature_curves  # noqa: E402
+from strokestyle.extract.view import SHARP_KINDS, extract, feature_maps  # noqa: E402
+from strokestyle.geometry.curves import KINDS, Curves, arc_length, owner, resample, tangents  # noqa: E402
+from strokestyle.mesh.surface import load_surface, make_surface  # noqa: E402
 
 VIEWS = ("three-quarter", "side")
 RTSC = {"suggestive": 0.01, "ridge": 0.1, "valley": 0.1, "apparent": 0.1, "sharpness": 0.0}  # its thresholds

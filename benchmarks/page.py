@@ -16,8 +16,8 @@ from pathlib import Path
 
 from svg import POINTS, STYLES, drawing
 
-from strokestyle.page import page_html
-from strokestyle.svg import write_svg
+from strokestyle.svg.write import write_svg
+from strokestyle.viewer.page import page_html
 
 SECONDS = 2.0
 WAIT = 3.0  # between two hands, until the picture is at its best and the painters are ready

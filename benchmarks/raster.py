@@ -18,7 +18,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 import numpy as np
 import torch
 
-from strokestyle.raster import coverage
+from strokestyle.render.coverage import coverage
 
 DIFFVG_SECONDS = {64: 0.23, 128: 1.1, 192: 2.2, 256: 3.7}  # forward + backward of 16 patches, 2 cores
 POINTS = {64: 1785, 128: 4958, 192: 9429, 256: 15890}

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strokestyle.surface import Surface
-from strokestyle.visibility import LIFT, NEAR
+from strokestyle.extract.rays import LIFT, NEAR
+from strokestyle.mesh.surface import Surface
 
 CELLS = 256  # per axis of the image, for finding the triangles that may stand before a point
 

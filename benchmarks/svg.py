@@ -22,14 +22,14 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 
-from strokestyle.exemplar import separate
-from strokestyle.inks import inks
-from strokestyle.outlines import outlines
-from strokestyle.painting import rasterise
-from strokestyle.strokes import Drawing, Strokes
-from strokestyle.svg import png_from_svg, read, settled, write_svg
-from strokestyle.svg_page import SvgOptions
-from strokestyle.texture import learn_texture, synthesise
+from strokestyle.drawing.outline import outlines
+from strokestyle.drawing.raster import rasterise
+from strokestyle.drawing.strokes import Drawing, Strokes
+from strokestyle.fit.exemplar import separate
+from strokestyle.render.texture_bank import learn_texture, synthesise
+from strokestyle.svg.document import SvgOptions
+from strokestyle.svg.ink import inks
+from strokestyle.svg.write import png_from_svg, read, settled, write_svg
 
 SIZE, COUNT, POINTS = 768, 303, 62
 STYLES = ("grain", "soft", "coloured")

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
-from strokestyle.camera import DEFAULT_SIZE, fit_camera
-from strokestyle.curves import Curves
-from strokestyle.surface import load_surface
-from strokestyle.view import extract
-from strokestyle.visibility import Scene
+from strokestyle.extract.camera import DEFAULT_SIZE, fit_camera
+from strokestyle.extract.rays import Scene
+from strokestyle.extract.view import extract
+from strokestyle.geometry.curves import Curves
+from strokestyle.mesh.surface import load_surface
 
 VIEWS = ("three-quarter", "side")
 FACING = {  # meshes that do not look towards the front, or lie down: two views that show what they are

@@ -8,8 +8,8 @@ from __future__ import annotations
 from demo import DRAWINGS, GREY, HERE, INK, MODEL_SHAPE, SHAPES, run
 from PIL import Image, ImageDraw, ImageFont
 
-from strokestyle.edits import lengths
-from strokestyle.svg_read import read_file
+from strokestyle.drawing.edit import lengths
+from strokestyle.svg.read import read_file
 
 EDITS = {  # what it is called: the command's words; FINGER is the id of the forefinger's stroke
     "thicker": ("--thickness", "1.8"),

@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from strokestyle.camera import Camera
-from strokestyle.curve_files import load_curves
-from strokestyle.curves import KINDS, resample
-from strokestyle.style import surface_at
-from strokestyle.surface import load_surface
-from strokestyle.view import extract
+from strokestyle.extract.camera import Camera
+from strokestyle.extract.view import extract
+from strokestyle.geometry.curves import KINDS, resample
+from strokestyle.mesh.surface import load_surface
+from strokestyle.render.style import surface_at
+from strokestyle.svg.read_curves import load_curves
 
 NEAR = 2.0  # px
 FIELDS = ("depth", "ndotv", "curvature", "nx", "ny")  # the artist's names for style.SURFACE

@@ -15,15 +15,15 @@ import resource
 import time
 from pathlib import Path
 
-from strokestyle.camera import Camera
-from strokestyle.curve_files import load_curves
-from strokestyle.exemplar import load_exemplar
+from strokestyle.extract.camera import Camera
+from strokestyle.extract.view import extract, view_of
 from strokestyle.files import write_bytes
-from strokestyle.fit import PRESETS, fit
-from strokestyle.style import load_style, save_style
-from strokestyle.surface import load_surface
-from strokestyle.svg import png_from_svg, write_svg, write_text
-from strokestyle.view import extract, view_of
+from strokestyle.fit.exemplar import load_exemplar
+from strokestyle.fit.train import PRESETS, fit
+from strokestyle.mesh.surface import load_surface
+from strokestyle.render.style import load_style, save_style
+from strokestyle.svg.read_curves import load_curves
+from strokestyle.svg.write import png_from_svg, write_svg, write_text
 
 
 def shape_view(folder: Path, own_lines: bool):

@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from strokestyle.camera import Camera
-from strokestyle.curve_files import load_curves
-from strokestyle.curves import resample
-from strokestyle.exemplar import load_exemplar
-from strokestyle.fit import PRESETS, learn
-from strokestyle.surface import load_surface
-from strokestyle.view import view_of
+from strokestyle.extract.camera import Camera
+from strokestyle.extract.view import view_of
+from strokestyle.fit.exemplar import load_exemplar
+from strokestyle.fit.train import PRESETS, learn
+from strokestyle.geometry.curves import resample
+from strokestyle.mesh.surface import load_surface
+from strokestyle.svg.read_curves import load_curves
 
 NEAR = 8.0  # px; where ours is farther off, no stroke of ours stands for the drawn one
 STEP = 0.25  # px between the points that stand for a line

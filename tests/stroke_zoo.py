@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from strokestyle.curves import KINDS
-from strokestyle.strokes import Strokes, Texture
+from strokestyle.drawing.strokes import Strokes, Texture
+from strokestyle.geometry.curves import KINDS
 
 CONTOUR, VALLEY = KINDS.index("contour"), KINDS.index("valley")
 

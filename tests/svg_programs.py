@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from strokestyle.curves import KINDS
-from strokestyle.parts import Parts, part_name
-from strokestyle.strokes import Drawing, Strokes, Texture
-from strokestyle.svg import write_svg
+from strokestyle.drawing.strokes import Drawing, Strokes, Texture
+from strokestyle.geometry.curves import KINDS
+from strokestyle.geometry.parts import Parts, part_name
+from strokestyle.svg.write import write_svg
 
 GOLDEN = Path(__file__).parent / "golden" / "svg"
 KIND = ("contour", "valley", "contour", "crease", "suggestive")

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import shapes
 
-from strokestyle.camera import fit_camera
-from strokestyle.curves import Curves
-from strokestyle.feature_curves import LineOptions
-from strokestyle.surface import make_surface
-from strokestyle.visibility import Scene
+from strokestyle.extract.camera import fit_camera
+from strokestyle.extract.rays import Scene
+from strokestyle.extract.segments import LineOptions
+from strokestyle.geometry.curves import Curves
+from strokestyle.mesh.surface import make_surface
 
 ROOT = Path(__file__).parent.parent
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "docs")]

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import shapes
 import trimesh
+from command import refused, run
 from PIL import Image, ImageDraw
-from test_cli import refused, run
 
+from strokestyle.extract.view import load_view
 from strokestyle.model_file import read_model, write_model
-from strokestyle.view import load_view
 
 VIEW = ("--size", "256", "--view", "25,35")
 

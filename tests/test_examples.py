@@ -8,11 +8,11 @@ import pytest
 import trimesh
 from PIL import Image
 
-from strokestyle.camera import DEFAULT_SIZE, fit_camera
-from strokestyle.exemplar import agree, load_exemplar
-from strokestyle.feature_curves import LineOptions
-from strokestyle.surface import load_surface
-from strokestyle.view import extract
+from strokestyle.extract.camera import DEFAULT_SIZE, fit_camera
+from strokestyle.extract.segments import LineOptions
+from strokestyle.extract.view import extract
+from strokestyle.fit.exemplar import agree, load_exemplar
+from strokestyle.mesh.surface import load_surface
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 SHAPES = ("elephant", "hand", "bracket", "teapot", "cloth")

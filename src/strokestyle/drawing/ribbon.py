@@ -1,0 +1,153 @@
+"""Ribbons: a stroke as its texture sees it, u along and v across."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..geometry.curves import arc, blurred
+from .strokes import Strokes, distinct
+
+STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
+NARROWING = 0.25  # px a px: the most by which a ribbon's half width falls along it
+
+
+@dataclass(frozen=True)
+class Ribbon:
+    """A stroke's centre line as its texture sees it: run on past the ends of an open stroke.
+
+    Parameters
+    ----------
+    xy : (n, 2) float64, pixels; no two neighbours coincide
+    half : (n,) float64, pixels from the centre line to v = 1
+    along : (n,) float64, pixels of arc length from the ribbon's beginning
+    closed : bool, its end is its beginning
+    """
+
+    xy: np.ndarray
+    half: np.ndarray
+    along: np.ndarray
+    closed: bool
+
+    @property
+    def length(self) -> float:
+        return float(self.along[-1])
+
+
+def half_widths(strokes: Strokes, i: int, margin: float) -> np.ndarray:
+    """Pixels from the centre line to the edge of the ribbon at each point of stroke i, (n,).
+
+    Half the thickness plus `margin`; but where a stroke narrows faster than NARROWING, as at a blunt end, the ribbon
+    does not: there the texture's alpha is the shape, and its grain is not squeezed to a point.
+    """
+    rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
+    xy, half = strokes.xy[rows], 0.5 * strokes.thickness[rows]
+    s = NARROWING * arc(xy)
+    if strokes.closed[i]:
+        half, s = np.tile(half, 3), np.concatenate([s - s[-1], s, s + s[-1]])
+    half = np.maximum(np.maximum.accumulate(half + s) - s, np.maximum.accumulate((half - s)[::-1])[::-1] + s)
+    return half[len(xy) : 2 * len(xy)] + margin if strokes.closed[i] else half + margin
+
+
+def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbon:
+    """The ribbon of stroke i, all lengths multiplied by `scale`.
+
+    A broad ribbon cannot follow every tremor of its centre line without folding: it is smoothed by STIFFNESS of its
+    half width.
+    """
+    rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
+    xy, half = distinct(strokes.xy[rows], half_widths(strokes, i, margin))
+    closed = bool(strokes.closed[i]) and len(xy) > 3
+    if len(xy) > 2:
+        xy, half = _stiffened(xy, half, closed)
+    if not closed:
+        out = xy[[0, -1]] - xy[[1, -2]] if len(xy) > 1 else np.array([[-1.0, 0.0], [1.0, 0.0]])
+        out = out / np.hypot(out[:, 0], out[:, 1])[:, None]
+        reach = np.maximum(half[[0, -1]], 1e-3)
+        xy = np.concatenate([xy[:1] + reach[0] * out[:1], xy, xy[-1:] + reach[1] * out[1:]])
+        half = np.r_[half[0], half, half[-1]]
+    return Ribbon(xy * scale, half * scale, arc(xy) * scale, closed)
+
+
+def _stiffened(xy, half, closed):
+    """Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half width."""
+    along = arc(xy)
+    sigma = STIFFNESS * float(np.median(half))
+    count = max(3, int(np.ceil(along[-1] / max(1.0, min(sigma, 3.0)))))
+    at = np.linspace(0.0, along[-1], count + 1)
+    even = np.stack([np.interp(at, along, column) for column in xy.T], axis=1)
+    half = np.interp(at, along, half)
+    smooth = blurred(even, sigma * count / along[-1], closed)
+    if closed:
+        smooth[-1] = smooth[0]
+    moved = np.hypot(*np.diff(smooth, axis=0).T) > 1e-6
+    keep = np.r_[True, moved]
+    return smooth[keep], half[keep]
+
+
+def overlaps(band: Ribbon, margin: float) -> bool:
+    """Whether a ribbon lies on ink of its own elsewhere: where a stroke crosses itself, or turns back close by.
+
+    `margin` is how much of its half width holds none.
+    """
+    step = max(1.0, 0.4 * float(band.half.min()))
+    s = np.linspace(0.0, band.length, max(3, int(np.ceil(band.length / step)) + 1))
+    xy = np.stack([np.interp(s, band.along, column) for column in band.xy.T], axis=1)
+    half = np.interp(s, band.along, band.half)
+    if band.length * half.mean() > 4.0 * np.prod(np.ptp(xy, axis=0) + 2.0 * half.max()):
+        return True  # there is no room for it beside itself
+    i, j = cKDTree(xy).query_pairs(2.0 * half.max(), output_type="ndarray").T
+    apart = s[j] - s[i]
+    if band.closed:
+        apart = np.minimum(apart, band.length - apart)
+    both = half[i] + half[j]
+    near = np.hypot(*(xy[i] - xy[j]).T) < both - margin
+    return bool((near & (apart > 0.6 * np.pi * both)).any())
+
+
+def strip_points(band: Ribbon, rows: int, columns: int) -> np.ndarray:
+    """Where the texels of a strip (rows, columns) lie on the image, (rows, columns, 2) pixels."""
+    u = (np.arange(rows) + 0.5) / rows * band.length
+    # tangents are blended along each segment, so that rows fan out evenly round a bend instead of jumping at its points
+    d = np.diff(band.xy, axis=0)
+    d = d / np.hypot(d[:, 0], d[:, 1])[:, None]
+    middle = 0.5 * (band.along[1:] + band.along[:-1])
+    tangent = np.stack([np.interp(u, middle, d[:, k]) for k in (0, 1)], axis=1)
+    tangent = tangent / np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-9)[:, None]
+    centre = np.stack([np.interp(u, band.along, band.xy[:, k]) for k in (0, 1)], axis=1)
+    v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
+    across = v[None] * np.interp(u, band.along, band.half)[:, None]
+    return centre[:, None] + across[..., None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[:, None]
+
+
+def strip_stretch(band: Ribbon, rows: int, columns: int) -> np.ndarray:
+    """How far the texels of a strip lie apart along the ribbon, relative to the centre line's, (rows, columns).
+
+    1 where the ribbon is straight, above 1 outside a bend, below 0 where the inside of a bend is folded.
+    """
+    at = strip_points(band, rows, columns)
+    ahead = np.diff(at, axis=0, append=2 * at[-1:] - at[-2:-1])
+    middle = ahead[:, [(columns - 1) // 2, columns // 2]].mean(axis=1)
+    size = np.maximum(np.square(middle).sum(axis=1), 1e-12)
+    return np.einsum("rck,rk->rc", ahead, middle) / size[:, None]
+
+
+def sample_strips(
+    texels: np.ndarray, offsets: np.ndarray, strip: np.ndarray, u: np.ndarray, v: np.ndarray, wraps: np.ndarray
+) -> np.ndarray:
+    """Bilinear look-up in strips, texels (T, A, 4) float premultiplied, at u in [0, 1] and v in [-1, 1]: (M, 4).
+
+    `strip` (M,) says which is looked up, `wraps` (M,) whether its end is its beginning.
+    """
+    first, n, a = offsets[strip], np.diff(offsets)[strip], texels.shape[1]
+    row, column = u * n - 0.5, np.clip((v + 1.0) * (0.5 * a) - 0.5, 0, a - 1)
+    r0, c0 = np.floor(row).astype(np.int64), np.minimum(column.astype(np.int64), max(a - 2, 0))
+    fr, fc = (row - r0).astype(np.float32)[:, None], (column - c0).astype(np.float32)[:, None]
+    r1 = np.where(r0 + 1 < n, r0 + 1, np.where(wraps, 0, n - 1))
+    r0 = np.where(r0 >= 0, r0, np.where(wraps, n - 1, 0))
+    flat, step = texels.reshape(-1, texels.shape[2]), min(1, a - 1)
+    top, low = (first + r0) * a + c0, (first + r1) * a + c0
+    top = flat[top] * (1 - fc) + flat[top + step] * fc
+    return top * (1 - fr) + (flat[low] * (1 - fc) + flat[low + step] * fc) * fr

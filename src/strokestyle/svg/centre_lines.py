@@ -1,0 +1,83 @@
+"""Centre lines as SVG: for plotters, and as the skeletons of Inkscape's PowerStroke."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..drawing.strokes import Drawing, paint_order
+from ..geometry.bezier import fit_lines
+from ..geometry.curves import KINDS, arc_length, simplify
+from .document import MM_PER_PX, Mark, SvgOptions, document, layered, paper
+from .markup import element, hex_color, number, numbers, units
+
+PEN = 0.3  # mm, how thick a plotter's lines are shown
+LINE_SLACK = 0.1  # px between a centre line and its curves
+WIDTH_SLACK = 0.1  # px between a width and PowerStroke's, which interpolates between few of them
+EFFECT = "lpe-"  # and the stroke's id: the id of its path effect
+
+
+def plotter_svg(drawing: Drawing, options: SvgOptions) -> str:
+    """Centre lines only, in mm: no fill, image or clip. Layers are numbered as plotter software wants them."""
+    width, height = drawing.size
+    page = paper(options.page_size, drawing.size) or (width * MM_PER_PX, height * MM_PER_PX)
+    scale = min(page[0] / width, page[1] / height)  # mm a pixel
+    corner = 0.5 * (np.array(page) - scale * np.array([width, height]))
+    strokes, order = drawing.strokes, paint_order(drawing, options.layers).tolist()
+    lines = fit_lines(strokes.xy, strokes.offsets, min(options.tolerance, LINE_SLACK))
+    marks, digits = [], max(3, len(str(max(len(order) - 1, 0))))
+    for place, i in enumerate(order):
+        d = line_path(lines[i][0] * scale + corner, max(options.decimals, 2), bool(strokes.closed[i]))
+        pen = {"id": f"s{place:0{digits}d}", "stroke": hex_color(drawing.color[i, :3]), "d": d}
+        part = "" if drawing.parts is None else drawing.parts.name(i)
+        marks.append(Mark(element("path", pen), KINDS[strokes.kind[i]], part))
+    style = {"fill": "none", "stroke-width": number(PEN, 2), "stroke-linecap": "round", "stroke-linejoin": "round"}
+    if options.layers == "none":
+        content = element("g", style, "".join(mark.markup for mark in marks)) if marks else ""
+    else:
+        content = layered(marks, options.layers, style, numbered=True)
+    return document(content, drawing.size, options, mm=True)
+
+
+def power_strokes(drawing: Drawing, options: SvgOptions, index: list[int]) -> list[tuple[str, str]]:
+    """(the skeleton's path data, PowerStroke's offset points) for strokes `index`.
+
+    An offset point is "t,w": t counts the skeleton's curves, w is half the width. Other programs show the outline
+    that we wrote; Inkscape makes its own of these once the stroke is touched.
+    """
+    strokes = drawing.strokes
+    lines = fit_lines(strokes.xy, strokes.offsets, LINE_SLACK)
+    made = []
+    for i in index:
+        cubics, rows = lines[i]
+        part = slice(strokes.offsets[i], strokes.offsets[i + 1])
+        along = arc_length(strokes.xy[part], np.array([0, len(strokes.xy[part])]))
+        half = 0.5 * strokes.thickness[part]
+        knots = simplify(np.stack([along, half], axis=1), 0.5 * WIDTH_SLACK) if along[-1] > 0 else np.array([0])
+        t = np.interp(along[knots], along[rows], np.arange(len(rows))) if along[-1] > 0 else np.zeros(1)
+        if strokes.closed[i]:  # the last is the first
+            t, knots = t[:-1], knots[:-1]
+        pairs = zip(numbers(units(t, 4), 4), numbers(units(half[knots], 3), 3), strict=True)
+        d = line_path(cubics, options.decimals, bool(strokes.closed[i]))
+        made.append((d, " | ".join(f"{a},{w}" for a, w in pairs)))
+    return made
+
+
+def effect(name: str, offset_points: str) -> str:
+    """Inkscape's path effect of a stroke."""
+    return element(
+        "inkscape:path-effect",
+        {
+            "effect": "powerstroke", "id": EFFECT + name, "is_visible": "true", "lpeversion": "1.3",
+            "scale_width": "1", "interpolator_type": "CubicBezierJohan", "interpolator_beta": "0.2",
+            "start_linecap_type": "round", "end_linecap_type": "round", "linejoin_type": "round", "miter_limit": "4",
+            "sort_points": "true", "not_jump": "false", "offset_points": offset_points,
+        },
+    )  # fmt: skip
+
+
+def line_path(cubics: np.ndarray, decimals: int, closed: bool) -> str:
+    """Cubics (K, 4, 2) end to end as path data with relative coordinates."""
+    points = units(cubics, decimals)
+    head = numbers(points[0, 0], decimals)
+    steps = numbers(points[:, 1:] - points[:, :1], decimals)
+    return f"M{head[0]} {head[1]}c{' '.join(steps)}{'z' if closed else ''}".replace(" -", "-")

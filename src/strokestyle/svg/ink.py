@@ -1,0 +1,62 @@
+"""What the ink of a texture is like, read off its strips: its colour, whether it is one, and whether it is grain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..drawing.strokes import Texture
+from ..geometry.curves import owner
+
+ONE_INK = 0.02  # colours that differ less than this from their stroke's (rms, of 1) are one ink
+GRAIN = 0.05  # of the opacity, from one texel to the next along a stroke: what changes more is grain
+MUCH_THE_SAME = 0.08  # colours that differ less than this are one ink to the eye, at each depth of tone
+
+
+@dataclass(frozen=True)
+class Inks:
+    """Parameters
+    ----------
+    color : (C, 3) float64 in [0, 1], the mean ink of each stroke
+    spread : (C,) float64, how far colours lie from that ink (rms, of 1)
+    grain : (C,) float64, change of the opacity from texel to texel, of the mean opacity
+    amount : (C,) float64, sum of the opacity
+    """
+
+    color: np.ndarray
+    spread: np.ndarray
+    grain: np.ndarray
+    amount: np.ndarray
+
+    @property
+    def plain(self) -> np.ndarray:
+        """(C,) bool, strokes of exactly one ink: only its opacity varies."""
+        return self.spread < ONE_INK
+
+    @property
+    def of_grain(self) -> bool:
+        """Whether the drawing as a whole is grain in one ink, weighing strokes by their ink."""
+        if not self.amount.sum() > 0:
+            return False
+        weight = self.amount / self.amount.sum()
+        return bool(weight @ self.spread < MUCH_THE_SAME and weight @ self.grain > GRAIN)
+
+
+def inks(texture: Texture) -> Inks:
+    """The inks of every stroke's strip."""
+    count, own = len(texture.offsets) - 1, owner(texture.offsets)
+    alpha = texture.rgba[..., 3].astype(np.float32) / 255.0
+    square = np.zeros(count)
+    mean = np.zeros((count, 3))
+    amount = np.bincount(own, alpha.sum(axis=1), count)
+    total = np.maximum(np.bincount(own, np.square(alpha).sum(axis=1), count), 1e-9)
+    for k in range(3):
+        channel = texture.rgba[..., k].astype(np.float32) / 255.0
+        mean[:, k] = np.bincount(own, (alpha * channel).sum(axis=1), count) / np.maximum(amount, 1e-9)
+        off = alpha * (channel - mean[own, k].astype(np.float32)[:, None])
+        square += np.bincount(own, np.square(off).sum(axis=1), count)
+    change = np.abs(np.diff(alpha, axis=0)).sum(axis=1)
+    change[texture.offsets[1:-1] - 1] = 0.0
+    grain = np.bincount(own[:-1], change, count) / np.maximum(amount, 1e-9)
+    return Inks(mean, np.sqrt(square / total), grain, amount)

@@ -1,0 +1,223 @@
+"""A stroke's u-v strip read off what its file draws: tones as paths, or an image. See docs/svg-format.md."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image, ImageColor
+
+from ..drawing.outline import winding_number
+from ..drawing.ribbon import Ribbon, strip_points
+from .path_data import MAX_TEXT, Affine, flatten, length, parse_path, transformed
+from .png import read_png
+
+DENSITY = 1.5  # texels a px, of what is drawn in tones
+MAX_PIXELS = 4_000_000  # of an image
+MAX_RINGS = 20_000  # of a tone
+CHORD = 0.05  # px between a curve and its chords
+_TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
+_PNG = re.compile(r"\s*data:image/png;base64,")  # images of other sorts, and elsewhere, are not looked at
+
+
+@dataclass
+class Budget:
+    """What the textures of a file may take to read."""
+
+    texels: int = 8_000_000
+    pixels: int = 40_000_000  # of images
+    looks: int = 200_000_000  # at a texel for a tone, and at an edge of the tone at its height
+
+    def spend(self, what: str, amount: int) -> None:
+        """Raises ValueError where no more is left."""
+        left = getattr(self, what) - amount
+        if left < 0:
+            raise ValueError("the drawing's textures are too large or too intricate: simplify it first")
+        setattr(self, what, left)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A path or an image inside a stroke.
+
+    Parameters
+    ----------
+    tag : "path" or "image"
+    attributes : of its element
+    matrix : from its own coordinates to the stroke's
+    fill, opacity : CSS colour, and share in [0, 1], of a path; of an image, its opacity
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    matrix: Affine
+    fill: str
+    opacity: float
+
+
+def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget) -> np.ndarray:
+    """What shapes show along a ribbon, (n, A, 4) uint8, texels as `Texture` has them.
+
+    Parameters
+    ----------
+    shapes : from the lowest to the uppermost
+    band : the stroke's ribbon, before it was moved
+    move : from there to the stroke's coordinates in the file
+    budget : what is left of it
+
+    Raises
+    ------
+    ValueError
+        on an image or a path that cannot be read, or where the budget is spent.
+    """
+    shapes = [shape for shape in shapes if _shows(shape)]
+    images = [decoded(shape.attributes, budget) if shape.tag == "image" else None for shape in shapes]
+    density = max((_density(shape, image) for shape, image in zip(shapes, images, strict=True)), default=DENSITY)
+    rows, columns = (max(2, int(np.ceil(density * side))) for side in (band.length, 2.0 * band.half.max()))
+    budget.spend("texels", rows * columns)
+    color = np.zeros((rows, columns, 4))  # premultiplied
+    points = transformed(move, strip_points(band, rows, columns))
+    for shape, image in zip(shapes, images, strict=True):
+        at = transformed(_inverse(shape.matrix), points)
+        if image is not None:
+            over = shape.opacity * _sampled(np.asarray(image.convert("RGBA")), shape.attributes, at)
+            color = over + (1.0 - over[..., 3:]) * color
+        else:
+            # in or out: half-tones at the edges would wear a region away each time that it is read and contoured
+            inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2), budget).reshape(rows, columns)
+            color[inside] = shape.opacity * np.r_[rgb(shape.fill), 1.0] + (1.0 - shape.opacity) * color[inside]
+    straight = np.concatenate([color[..., :3] / np.maximum(color[..., 3:], 1e-6), color[..., 3:]], axis=2)
+    return np.rint(255 * np.clip(straight, 0, 1)).astype(np.uint8)
+
+
+def covered(d: str, points: np.ndarray, budget: Budget) -> np.ndarray:
+    """Which of the points (M, 2) path data fills by the nonzero rule, (M,) bool. Raises ValueError."""
+    budget.spend("looks", len(points))
+    rings, offsets = _tone_rings(d) if len(d) <= MAX_TEXT and _TONES.fullmatch(d) else _rings(d)
+    return winding_number(rings, points, offsets, lambda pairs: budget.spend("looks", pairs)) != 0
+
+
+def _tone_rings(d: str) -> tuple[np.ndarray, np.ndarray]:
+    """Polygons (n, 2) and their offsets of path data as tones.py writes it; two chords a curve."""
+    if d.count("z") > MAX_RINGS or re.search("[0-9]{7}", d):
+        return _rings(d)  # not ours: what is wrong with it is said there
+    rings = [np.array(re.findall("-?[0-9]+", ring), np.float64) for ring in d.split("z")[:-1]]
+    if any(len(ring) < 8 or len(ring) % 2 for ring in rings):
+        return _rings(d)
+    rings = [ring.reshape(-1, 2) for ring in rings]
+    count = np.array([len(ring) for ring in rings]) - 2  # pieces: less the jump and the first control point
+    begin = np.cumsum([ring[0] for ring in rings], axis=0)  # a ring ends where it begins
+    made, offsets = [], np.r_[0, np.cumsum(2 * count)]
+    for ring, start in zip(rings, begin, strict=True):
+        ends = start + np.cumsum(ring[2:], axis=0)
+        sign = np.where(np.arange(len(ends)) % 2, -1.0, 1.0)[:, None]
+        turned = np.concatenate([ring[1:2] + start, -2.0 * sign[:-1] * ends[:-1]]).cumsum(axis=0)
+        control = sign * turned  # each is the one before it, reflected about the piece's end
+        before = np.concatenate([start[None], ends[:-1]])
+        made.append(np.stack([0.25 * (before + 2.0 * control + ends), ends], axis=1).reshape(-1, 2))
+    return np.concatenate(made), offsets
+
+
+def _rings(d: str) -> tuple[np.ndarray, np.ndarray]:
+    subpaths = parse_path(d)
+    if not subpaths:
+        return np.zeros((0, 2)), np.zeros(1, np.int64)
+    cubics = np.concatenate([np.array(subpath).reshape(-1, 4, 2) for subpath in subpaths])
+    return flatten(cubics, np.cumsum([0] + [len(subpath) for subpath in subpaths]), CHORD)
+
+
+def decoded(attributes: dict[str, str], budget: Budget) -> Image.Image:
+    """The PNG in an image element. Raises ValueError."""
+    image = read_png(from_base64(_PNG.sub("", _href(attributes)), "image"), MAX_PIXELS, "image")
+    budget.spend("pixels", image.width * image.height)
+    return image
+
+
+def from_base64(text: str, what: str) -> bytes:
+    try:
+        return base64.b64decode(re.sub(r"\s+", "", text), validate=True)
+    except (binascii.Error, ValueError):
+        raise ValueError(f"its {what} is no base64") from None
+
+
+def _href(attributes: dict[str, str]) -> str:
+    return attributes.get("http://www.w3.org/1999/xlink}href", attributes.get("href", ""))
+
+
+def image_box(attributes: dict[str, str]) -> list[float]:
+    """x, y, width and height of an image."""
+    return [length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height")]
+
+
+def foreign(shapes: list[Shape]) -> bool:
+    """Whether the look of a stroke is in images that are not looked at: of another sort than PNG, or elsewhere."""
+    images = [shape for shape in shapes if shape.tag == "image"]
+    return len(images) == len(shapes) > 0 and not any(_PNG.match(_href(shape.attributes)) for shape in images)
+
+
+def _shows(shape: Shape) -> bool:
+    """Whether anything of a shape is drawn that is in the file itself."""
+    a, b, c, d = shape.matrix[:4]
+    if abs(a * d - b * c) < 1e-12:
+        return False
+    return shape.tag == "path" or (_PNG.match(_href(shape.attributes)) and min(image_box(shape.attributes)[2:]) > 0)
+
+
+def _density(shape: Shape, image: Image.Image | None) -> float:
+    """Texels a px that a shape is worth."""
+    if image is None:
+        return DENSITY
+    a, b, c, d = shape.matrix[:4]
+    pixels = np.sqrt(image.width * image.height / np.prod(image_box(shape.attributes)[2:]))
+    return float(np.clip(pixels / max(np.sqrt(abs(a * d - b * c)), 1e-6), 0.5, 4.0))
+
+
+def _sampled(image: np.ndarray, attributes: dict[str, str], at: np.ndarray) -> np.ndarray:
+    """An image at points (..., 2), bicubically (Keys 1981), nothing outside it: (..., 4) premultiplied."""
+    x, y, width, height = image_box(attributes)
+    row, vertical = _cubic((at[..., 1] - y) / height * image.shape[0] - 0.5, image.shape[0])
+    column, across = _cubic((at[..., 0] - x) / width * image.shape[1] - 0.5, image.shape[1])
+    texel = image[row[..., :, None], column[..., None, :]]
+    ink = _one_ink(texel.reshape(-1, 4))
+    texel = texel.astype(np.float32) / np.float32(255)
+    weight = (vertical[..., :, None] * across[..., None, :])[..., None]
+    texel[..., :3] *= texel[..., 3:]
+    color = np.clip((texel * weight).sum(axis=(-3, -2)), 0.0, 1.0)
+    if ink is not None:
+        return color[..., 3:] * np.r_[ink, 1.0]
+    return np.minimum(color, color[..., 3:])
+
+
+def _cubic(at: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The four pixels (..., 4) that a place between pixels is told from, and their weights, 0 for those outside."""
+    first = np.floor(np.clip(at, -3.0, size + 2.0))
+    t = np.clip(at - first, 0.0, 1.0).astype(np.float32)
+    weight = np.stack([
+        ((2.0 - t) * t - 1.0) * t, (3.0 * t - 5.0) * t * t + 2.0, ((4.0 - 3.0 * t) * t + 1.0) * t, (t - 1.0) * t * t
+    ], axis=-1)  # fmt: skip
+    place = first.astype(np.int64)[..., None] + np.arange(-1, 3)
+    inside = (place >= 0) & (place < size)
+    return np.where(inside, place, 0), np.where(inside, 0.5 * weight, 0.0)
+
+
+def _one_ink(texels: np.ndarray) -> np.ndarray | None:
+    """The one colour (3,) in [0, 1] of straight RGBA texels (n, 4) uint8, where they have no more."""
+    ink = texels[texels[:, 3] > 0, :3]
+    return ink[0] / 255.0 if len(ink) and (ink == ink[0]).all() else None
+
+
+def _inverse(matrix: Affine) -> Affine:
+    a, b, c, d, e, f = matrix
+    det = a * d - b * c
+    return (d / det, -b / det, -c / det, a / det, (c * f - d * e) / det, (b * e - a * f) / det)
+
+
+def rgb(fill: str) -> np.ndarray:
+    """A CSS colour as (r, g, b) in [0, 1]; black where it is none that we know."""
+    try:
+        return np.clip(np.array(ImageColor.getrgb(fill[:60])[:3], np.float64) / 255.0, 0.0, 1.0)
+    except ValueError:
+        return np.zeros(3)

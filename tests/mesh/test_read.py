@@ -1,0 +1,208 @@
+"""OBJ files of all dialects, against trimesh and closed forms, and what is wrong with the others."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+import shapes
+import trimesh
+
+from strokestyle.mesh import read as mesh_files
+from strokestyle.mesh.read import read_mesh, read_obj, read_ply, read_stl
+
+SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+def area(vertices, faces):
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+
+
+def test_the_same_triangles_as_trimesh(tmp_path):
+    rng = np.random.default_rng(0)
+    shape = shapes.torus(1, 0.4, 12, 8)
+    lines = [f"v {x} {y} {z}" for x, y, z in shape.vertices] + ["vt 0 0", "vn 0 0 1"]
+    for face in shape.faces[rng.permutation(len(shape.faces))] + 1:
+        form = rng.choice(["{}", "{}/1", "{}//1", "{}/1/1"])
+        lines.append("f " + " ".join(form.format(corner) for corner in face))
+    path = tmp_path / "x.obj"
+    path.write_text("\n".join(lines))
+    vertices, faces, part, names = read_mesh(path)
+    theirs = trimesh.load(path, process=False)
+    corners = [np.sort(np.round(p[f], 12).reshape(-1, 9), axis=0) for p, f in
+               ((vertices, faces), (theirs.vertices, theirs.faces))]  # fmt: skip
+    assert np.array_equal(*corners)
+    assert not part.any() and names == ("",) and faces.dtype == np.int64
+
+
+@pytest.mark.parametrize(
+    "faces",
+    [
+        b"f 1 2 3 4",
+        b"f 1/1 2/1 3/1 4/1 # a comment",
+        b"  f\t1//7   2//8 3//9\t4//6  ",
+        b"f 1/2/3 2/3/4 3/4/5 4/5/6\r\ng side\rusemtl red\r\n# end",
+        b"f -4 -3 -2 -1\nv 7 7 7\nv 8 8 8",
+        b"f 1 2 \\\n 3 4",
+        b"f 1 2 3\ns off\nf 1 3 4\np 1\nl 1 2",
+        b"f 1 2 3\nf 1 2\nf 1\nf 1 3 4\nfo 1 2 3",
+    ],
+)
+def test_dialects_of_a_square(faces):
+    vertices, faces, part, names = read_obj(SQUARE + faces)
+    assert faces.tolist() == [[0, 1, 2], [0, 2, 3]] and not part.any() and names == ("",)
+    assert vertices[:4].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+
+
+def test_polygons_are_fans():
+    t = np.arange(7) / 7 * 2 * np.pi
+    points = "".join(f"v {x:.9f} {y:.9f} 0\n" for x, y in zip(np.cos(t), np.sin(t), strict=True))
+    vertices, faces, _, _ = read_obj((points + "f 1 2 3\nf 1 3 4 5 6 7\n").encode())
+    assert faces[:, 0].tolist() == [0] * 5 and faces[:, 1:].tolist() == [[i, i + 1] for i in range(1, 6)]
+    assert area(vertices, faces) == pytest.approx(3.5 * np.sin(2 * np.pi / 7))
+
+
+def test_vertices_may_carry_weights_and_colours():
+    text = b"v 0 0 0 0.5 0.5 0.5\nv 1 0 0\nv 0 1e0 0 1 # w\nf 1 2 3\n"
+    assert read_obj(text)[0].tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert read_obj(b"v 0 0 0 1\nv 1 0 0 1\nv 0 1 -2.5E-1 1\nf 1 2 3")[0][2].tolist() == [0, 1, -0.25]
+
+
+def test_objects_are_parts():
+    text = b"f 1 2 3\no body of it\nf 1 3 4\no wheel\nv 0 0 1\no unused\no body of it\nf 1 2 5\no wh\xe4el\nf 2 3 5 4"
+    _, faces, part, names = read_obj(SQUARE + text)
+    assert [names[i] for i in part] == ["", "body of it", "body of it", "wh\ufffdel", "wh\ufffdel"]
+    assert len(names) == 3
+
+
+def test_groups_are_parts_where_there_are_no_objects():
+    text = b"f 1 2 3\ng default\nf 1 3 4\ng left arm\nf 1 2 3\ng hat\nf 1 3 4\ng left arm\nf 1 2 4"
+    _, faces, part, names = read_obj(SQUARE + text)
+    assert [names[i] for i in part] == ["", "", "left arm", "hat", "left arm"] and len(names) == 3
+    assert read_obj(SQUARE + b"o all\n" + text)[3] == ("all",)
+
+
+def glb(nodes, meshes):
+    """A binary glTF file of square plates: nodes as in the file, and of each mesh how many pieces it has."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4").tobytes()
+    blob = corners + np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes()
+    piece = {"attributes": {"POSITION": 0}, "indices": 1}
+    views = [{"buffer": 0, "byteOffset": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 12}]
+    content = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": list(range(len(nodes)))}], "nodes": nodes,
+        "meshes": [{**mesh, "primitives": [piece] * mesh["primitives"]} for mesh in meshes], "bufferViews": views,
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ],
+        "buffers": [{"byteLength": len(blob)}],
+    }  # fmt: skip
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(blob), 0x004E4942) + blob
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
+
+
+def test_parts_of_a_scene_have_the_names_of_nodes_then_of_meshes_and_none_that_were_made_up(tmp_path):
+    nodes = [
+        {"name": "body", "mesh": 0}, {"name": "body_part", "mesh": 1, "translation": [2, 0, 0]},
+        {"mesh": 1, "translation": [4, 0, 0]}, {"mesh": 2, "translation": [6, 0, 0]},
+    ]  # fmt: skip
+    path = tmp_path / "scene.glb"
+    path.write_bytes(
+        glb(nodes, [{"name": "two", "primitives": 2}, {"name": "plate", "primitives": 1}, {"primitives": 1}])
+    )
+    vertices, faces, part, names = read_mesh(path)
+    left = vertices[faces].min(axis=(1, 2), where=[True, False, False], initial=9)
+    assert {(names[p], round(x)) for p, x in zip(part, left, strict=True)} == {
+        ("body", 0), ("body_part", 2), ("plate", 4), ("", 6),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (b"v 0 0 0\nv 1 0\nf 1 2 1", "line 2, 'v 1 0': a vertex has three coordinates"),
+        (SQUARE + b"\r\n# no\r\nf 1 2 9", "line 7, 'f 1 2 9': a face names a vertex that is none of the 4"),
+        (SQUARE + b"f 1 2 0", "line 5, 'f 1 2 0'"),
+        (SQUARE + b"f -5 1 2", "none of the 4"),
+        (b"v 1 2 3\nvn 0 0 1\nv 1 x 3\nf 1 2 1", "line 3, 'v 1 x 3': not a number"),
+        (SQUARE + b"f 1 2 3\nf 1 2.5 3", "line 6, 'f 1 2.5 3': not a number"),
+    ],
+)
+def test_errors_name_the_line(text, message):
+    with pytest.raises(ValueError) as caught:
+        read_obj(text)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "\n", "v", "f", "f ", "f#", "o", "o \n", "\\\n", "\\", " ", "\0", "v 1 2 3", "v 1 2 3\nf 1"]
+)
+def test_next_to_nothing(text):
+    vertices, faces, part, names = read_obj(text.encode())
+    assert len(vertices) == text.count("v ") and len(faces) == len(part) == len(names) == 0
+    assert vertices.shape[1:] == faces.shape[1:] == (3,)
+
+
+def test_huge_numbers_are_refused_not_wrapped():
+    for index in (b"9999999999999999999999", b"-9999999999999999999999", b"9223372036854775807"):
+        with pytest.raises(ValueError):
+            read_obj(SQUARE + b"f 1 2 " + index)
+
+
+def quads():
+    return np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 2.5], [1, 0, 2]]), [[0, 1, 2, 3], [0, 1, 5, 4]]
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("colours, number, ends", [(False, "float", "\n"), (True, "double", "\r\n")])
+def test_ply_of_quads(form, colours, number, ends):
+    """Written here, byte by byte, with what other programs put around it."""
+    vertices, faces = quads()
+    order = {"binary_big_endian": ">"}.get(form, "<")
+    columns = ["property uchar red"] * colours + [f"property {number} {axis}" for axis in "xyz"]
+    header = ["ply", f"format {form} 1.0", "comment of nothing", "element vertex 6", *columns, "element face 2"]
+    header += ["property list uchar int vertex_indices", "element edge 0", "property int v", "end_header", ""]
+    data = ends.join(header).encode()
+    if form == "ascii":
+        rows = [" ".join(map(str, [7, *point][1 - colours :])) for point in vertices]
+        data += "\n".join([*rows, *(f"4 {a} {b} {c} {d}" for a, b, c, d in faces)]).encode()
+    else:
+        for point in vertices:
+            data += b"\7" * colours + np.array(point, order + {"float": "f4", "double": "f8"}[number]).tobytes()
+        for face in faces:
+            data += b"\4" + np.array(face, order + "i4").tobytes()
+    found, triangles, part, names = read_ply(data)
+    assert np.allclose(found, vertices) and triangles.tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 5], [0, 5, 4]]
+    assert not part.any() and names == ("",) and found.dtype == np.float64 and triangles.dtype == np.int64
+
+
+@pytest.mark.parametrize("kind, read", [("ply", read_ply), ("stl", read_stl)])
+def test_the_common_kinds_are_read_as_by_trimesh(tmp_path, kind, read):
+    data = trimesh.Trimesh(*shapes.torus(1, 0.4, 12, 8), process=False).export(file_type=kind)
+    path = tmp_path / f"x.{kind}"
+    path.write_bytes(data)
+    ours, theirs = read(data), mesh_files._read_with_trimesh(path, f".{kind}")
+    assert np.array_equal(ours[0][ours[1]], theirs[0][theirs[1]])
+    assert all(np.array_equal(a, b) for a, b in zip(read_mesh(path), ours, strict=True))
+
+
+def test_what_is_uncommon_is_left_to_trimesh(tmp_path):
+    vertices, _ = quads()
+    body = "\n".join(" ".join(map(str, point)) for point in vertices) + "\n4 0 1 2 3\n3 0 1 5\n"
+    header = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"
+    text = header + "element face 2\nproperty list uchar int vertex_indices\nend_header\n" + body
+    for uncommon in (text, text.replace("3 0 1 5", "3 0 1 5 0"), text.replace("4 0 1 2 3", "3 0 1 9"), text[:-30]):
+        with pytest.raises(ValueError):
+            read_ply(uncommon.encode())
+    with pytest.raises(ValueError):
+        read_stl(b" " * 80 + b"\1\0\0\0" + b"\0" * 100)
+    path = tmp_path / "mixed.ply"
+    path.write_text(text)
+    found, faces, _, _ = read_mesh(path)
+    assert len(faces) == 3 and area(found, faces) == pytest.approx(1 + 1)
+    path = tmp_path / "text.stl"
+    path.write_text(trimesh.Trimesh(*shapes.sphere(1), process=False).export(file_type="stl_ascii"))
+    assert len(read_mesh(path)[1]) == 80

@@ -1,0 +1,234 @@
+"""Page sizes, metadata, options kept in the file; plotter files and PowerStrokes; the Nu checker where it is found."""
+
+import io
+import os
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from svg_programs import small
+
+from strokestyle.drawing.strokes import Drawing, Strokes
+from strokestyle.geometry.bezier import fit_lines
+from strokestyle.geometry.curves import Curves
+from strokestyle.svg.document import SvgOptions, paper
+from strokestyle.svg.read import read_file
+from strokestyle.svg.read_curves import load_curves
+from strokestyle.svg.write import png_from_svg, read, write_svg
+
+SVG = "{http://www.w3.org/2000/svg}"
+INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
+HOSTILE = "</title><script>alert(1)</script>&\"'\x00]]>"
+
+
+def rendered(text, scale=1.0):
+    return np.asarray(Image.open(io.BytesIO(png_from_svg(text, scale))).convert("L")).astype(float)
+
+
+@pytest.mark.parametrize(
+    "name, size, page",
+    [
+        (None, (9, 9), None),
+        ("A4", (100, 120), (210, 297)),
+        ("a4", (120, 100), (297, 210)),
+        ("letter", (1, 1), (215.9, 279.4)),
+        ("100x50mm", (1, 9), (100, 50)),
+        ("10x5cm", (1, 9), (100, 50)),
+        ("2x1in", (1, 9), (50.8, 25.4)),
+    ],
+)
+def test_paper_sizes(name, size, page):
+    assert paper(name, size) == (page if page is None else pytest.approx(page))
+
+
+def test_the_canvas_is_fitted_into_the_page_and_read_back_from_it():
+    text = write_svg(small(None), page_size="A4")  # 120 x 100 on 297 x 210
+    root = ET.fromstring(text)
+    assert (root.get("width"), root.get("height")) == ("297mm", "210mm")
+    x, y, w, h = map(float, root.get("viewBox").split())
+    assert (
+        (y, h) == (0, 100)
+        and w == pytest.approx(100 * 297 / 210, abs=1e-3)
+        and x == pytest.approx(60 - w / 2, abs=1e-3)
+    )
+    plain = read(write_svg(small(None)))
+    assert np.array_equal(read(text).strokes.xy, plain.strokes.xy) and read(text).size == (120, 100)
+    paper = ET.fromstring(write_svg(small(None), page_size="A4", background="#eee")).find(f"{SVG}rect")
+    assert [float(paper.get(n)) for n in ("x", "y", "width", "height")] == pytest.approx([x, y, w, h])
+
+
+@pytest.mark.parametrize(
+    "options, found",
+    [
+        ({"page_size": "A99"}, "page size"),
+        ({"page_size": "0x9mm"}, "page size"),
+        ({"page_size": "1e9x9mm"}, "page size"),
+        ({"background": "url(http://x)"}, "colour"),
+        ({"background": 'red" onload="'}, "colour"),
+        ({"layers": "parts"}, "layers"),
+        ({"inkscape_lpe": True, "texture": "image"}, "PowerStrokes are flat"),
+    ],
+)
+def test_bad_options_are_named(options, found):
+    with pytest.raises(ValueError, match=found):
+        write_svg(small(None), **options)
+
+
+@pytest.mark.parametrize(
+    "license", ["CC-BY-NC-4.0", "CC0-1.0", "https://example.org/terms?a=1&b=2", "All rights <reserved>"]
+)
+def test_licence_author_title_and_description_come_back(license):
+    options = SvgOptions(texture="none", title="A <b>", description="c & d", author='E "F"', license=license)
+    text = write_svg(small(None), options)
+    assert read_file(text).options == options
+    assert ("creativecommons.org/licenses/by-nc/4.0/" in text) == license.startswith("CC-BY")
+
+
+def test_no_name_gets_out_of_its_place():
+    text = write_svg(
+        small(None), title=HOSTILE, description=HOSTILE, author=HOSTILE, license=HOSTILE, ids=[HOSTILE] * 5
+    )
+    root = ET.fromstring(text)
+    assert root.find(f"{SVG}title").text == HOSTILE.replace("\x00", "")
+    assert not [e for e in root.iter() if e.tag.endswith("script")]
+    assert read_file(text).options.author == HOSTILE.replace("\x00", "")
+
+
+def test_options_that_a_file_keeps_are_those_it_was_written_with_and_no_others():
+    options = SvgOptions(
+        texture="none", decimals=4, tolerance=0.25, layers="none", page_size="100x80mm", background="ivory"
+    )
+    assert SvgOptions.from_text(options.to_text()) == options
+    assert SvgOptions.from_text("decimals=99 title=x colour=1 texture=none tolerance=nan =") == SvgOptions(
+        texture="none"
+    )
+
+
+# ------------------------------------------------------------------------------------------------------- lines only
+
+
+def test_lines_are_fitted_within_the_tolerance_and_keep_ends_and_corners():
+    t = np.linspace(0, 6, 200)
+    wave = np.stack([40 * t, 30 * np.sin(t)], axis=1)
+    corner = np.array([[0.0, 0], [30, 0], [30, 30]])
+    dot = np.array([[5.0, 5], [5, 5]])
+    xy, offsets = np.concatenate([wave, corner, dot]), np.array([0, 200, 203, 205])
+    lines = fit_lines(xy, offsets, 0.1)
+    assert [len(cubics) for cubics, _ in lines[1:]] == [2, 1] and len(lines[0][0]) < 20
+    s = np.linspace(0, 1, 300)[:, None, None]
+    for k, (cubics, rows) in enumerate(lines):
+        line = xy[offsets[k] : offsets[k + 1]]
+        curve = (1 - s) ** 3 * cubics[:, 0] + 3 * s * (1 - s) ** 2 * cubics[:, 1]
+        curve = curve + 3 * s**2 * (1 - s) * cubics[:, 2] + s**3 * cubics[:, 3]
+        away = np.linalg.norm(line[:, None] - curve.reshape(-1, 2)[None], axis=2).min(axis=1)
+        assert away.max() < 0.2
+        assert np.array_equal(cubics[[0, -1], [0, 3]], line[[0, -1]]) and np.array_equal(cubics[1:, 0], cubics[:-1, 3])
+        assert rows[0] == 0 and rows[-1] == len(line) - 1 and np.array_equal(line[rows[:-1]], cubics[:, 0])
+
+
+def test_a_plotter_gets_lines_in_mm(tmp_path):
+    text = write_svg(small("grain"), plotter=True, page_size="A5", title="p")
+    root = ET.fromstring(text)
+    assert root.get("viewBox") == "0 0 210 148" and root.get("width") == "210mm"
+    assert {e.tag.replace(SVG, "") for e in root.iter()} == {"svg", "title", "g", "path"}
+    layers = [e for e in root if e.tag == f"{SVG}g"]
+    labels = [e.get(f"{INKSCAPE}label") for e in layers]
+    assert labels == ["1 valley", "2 suggestive", "3 crease", "4 contour"]
+    assert all(e.get("fill") == "none" for e in layers) and len(text) < 4500
+    (tmp_path / "p.svg").write_text(text)
+    lines = load_curves(tmp_path / "p.svg", (120, 100))  # the A5 page fitted into the canvas
+    assert len(lines) == 5 and lines.closed.sum() == 1
+    scale = 120 / 210
+    want = small(None).strokes
+    length = Curves(want.xy, want.offsets, want.kind, want.closed).lengths() * 148 / 100
+    assert sorted(lines.lengths() / scale) == pytest.approx(sorted(length), rel=0.01)
+    with pytest.raises(ValueError, match="no strokes in it"):
+        read(text)
+
+
+def test_power_strokes_have_skeleton_and_widths():
+    drawing = small(None)
+    text = write_svg(drawing, inkscape_lpe=True)
+    file = read_file(text)
+    assert file.options.inkscape_lpe and write_svg(file.drawing, file.options) == text
+    assert np.abs(rendered(text) - rendered(write_svg(drawing))).max() == 0
+    root = ET.fromstring(text)
+    effects = {e.get("id"): e for e in root.iter(f"{INKSCAPE}path-effect")}
+    paths = [e for e in root.iter(f"{SVG}path")]
+    assert len(effects) == len(paths) == 5
+    for path in paths:
+        effect = effects[path.get(f"{INKSCAPE}path-effect")[1:]]
+        assert effect.get("effect") == "powerstroke" and effect.get("id") == "lpe-" + path.get("id")
+        pairs = np.array([p.split(",") for p in effect.get("offset_points").split(" | ")], float)
+        assert (np.diff(pairs[:, 0]) > 0).all() and pairs[:, 1].max() == pytest.approx(
+            2.5 if len(pairs) > 9 else 2, abs=1.0
+        )
+        nodes = len(re.findall(r"-?[\d.]+", path.get(f"{INKSCAPE}original-d"))) // 6
+        assert pairs[-1, 0] <= nodes + 1
+    assert "lpe" not in write_svg(drawing)
+
+
+def test_inkscape_makes_the_same_of_a_power_stroke(tmp_path):
+    if not shutil.which("inkscape"):
+        pytest.skip("inkscape is not installed")
+    text = write_svg(small(None), inkscape_lpe=True)
+    blank = re.sub(r' d="[^"]*"', ' d="M0 0h1"', text)  # so that what is seen is Inkscape's own
+    (tmp_path / "a.svg").write_text(blank)
+    nudge = "select-all:all;transform-translate:1,0;transform-translate:-1,0;"
+    actions = nudge + f"export-type:png;export-background:white;export-filename:{tmp_path / 'a.png'};export-do"
+    done = subprocess.run(
+        ["inkscape", str(tmp_path / "a.svg"), f"--actions={actions}"], capture_output=True, timeout=120
+    )
+    if done.returncode or not (tmp_path / "a.png").exists():
+        pytest.skip("inkscape does not run")
+    made = np.asarray(Image.open(tmp_path / "a.png").convert("L")).astype(float)
+    ours = rendered(text)
+    assert np.abs(made - ours).mean() < 0.06 * (255 - ours).mean()
+
+
+def test_a_power_stroke_that_inkscape_moved_is_read_where_it_went():
+    drawing = small(None)
+    text = write_svg(drawing, inkscape_lpe=True)
+
+    def moved(match):  # Inkscape moves the skeleton, and begins the outline elsewhere
+        x, y = map(float, re.findall("-?[0-9.]+", match[2]))
+        return f'd="M1 2l9 9z" inkscape:path-effect="{match[1]}" inkscape:original-d="M{x + 30:.9g} {y - 20:.9g}'
+
+    new = re.sub(r'd="M[^"]*" inkscape:path-effect="([^"]*)" inkscape:original-d="M([-0-9. ]+)', moved, text)
+    got = read(new).strokes
+    assert np.abs(got.xy - read(text).strokes.xy - [30, -20]).max() < 0.01
+    assert np.array_equal(got.thickness, read(text).strokes.thickness)
+
+
+def test_lines_of_nothing():
+    nothing = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), (40, 30), np.zeros((0, 4)))
+    for options in ({"plotter": True}, {"inkscape_lpe": True}):
+        ET.fromstring(write_svg(nothing, **options))
+    dots = Strokes([[5, 5], [5, 5], [9, 9], [9, 9], [9, 9.0]], np.ones(5), [0, 2, 5], [0, 1], [False, True])
+    for options in ({"plotter": True}, {"inkscape_lpe": True}):
+        assert "nan" not in write_svg(Drawing(dots, (20, 20), np.ones((2, 4))), **options)
+
+
+def test_the_nu_checker_finds_no_error(tmp_path):
+    jar = os.environ.get("VNU_JAR", "")
+    if not (Path(jar).is_file() and shutil.which("java")):
+        pytest.skip("no java, or VNU_JAR does not name vnu.jar")
+    options = SvgOptions(title="a < b", author="c", license="CC-BY-4.0", background="#fff", page_size="A4")
+    files = []
+    for texture in (None, "grain", "colours"):
+        for name, change in {
+            "a": {},
+            "b": {"layers": "none"},
+            "c": {"inkscape_lpe": True},
+            "d": {"plotter": True},
+        }.items():
+            files.append(tmp_path / f"{texture}-{name}.svg")
+            files[-1].write_text(write_svg(small(texture), replace(options, **change)))
+    done = subprocess.run(["java", "-jar", jar, "--svg", "--errors-only", *files], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

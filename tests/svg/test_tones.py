@@ -1,0 +1,131 @@
+"""Tones: regions against the texture they stand for, on strokes where laying goes wrong if anything does."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+from scipy.spatial import cKDTree
+from stroke_zoo import stroke, together, zoo
+
+from strokestyle.drawing.raster import rasterise
+from strokestyle.drawing.strokes import Drawing, Texture
+from strokestyle.geometry.curves import simplify_all
+from strokestyle.svg.tones import _fitted, tone_paths, tones
+from strokestyle.svg.write import png_from_svg, write_svg
+
+
+def inked(line, margin=2.0, columns=12, edge=0.75):
+    """Opaque ink within `edge` of the ribbon's half width and of its length, clear outside."""
+    v = np.abs((2 * np.arange(columns) + 1) / columns - 1)
+    strip = np.zeros((120, columns, 4), np.uint8)
+    strip[..., 3] = 255 * (v < edge)
+    count = len(line)
+    texture = Texture(np.concatenate([strip] * count), 120 * np.arange(count + 1), margin)
+    return Drawing(line, (140, 140), np.tile([0, 0, 0, 1.0], (count, 1)), texture)
+
+
+def rendered(text, scale=1.0):
+    import io
+
+    from PIL import Image
+
+    return np.asarray(Image.open(io.BytesIO(png_from_svg(text, scale))).convert("RGB")).astype(float)
+
+
+@pytest.mark.parametrize("name", zoo())
+def test_ink_of_a_zoo_is_where_the_raster_has_it(name):
+    made = inked(zoo()[name])
+    got, want = rendered(write_svg(made, texture="vector", tones=2), 2.0), rasterise(made, 2.0, (1, 1, 1)).astype(float)
+    dark = (255 - want).mean()
+    assert np.isfinite(got).all() and np.abs(got - want).mean() < 0.3 * dark + 0.1
+
+
+def test_a_closed_stroke_is_a_ring_without_a_seam():
+    t = np.linspace(0, 2 * np.pi, 61)
+    line = stroke(70 + 40 * np.stack([np.cos(t), np.sin(t)], axis=1), 10, True)
+    picture = rendered(write_svg(inked(line), texture="vector", tones=1), 4.0)[..., 0]
+    assert picture[4 * 70 - 8 : 4 * 70 + 8, 4 * 110 - 8 : 4 * 110 + 8].max() < 8  # where it begins and ends
+    assert picture[280, 280] == 255  # and its middle is open
+    regions = tones(inked(line), [0], 1)
+    assert len(regions.stroke) == 2
+
+
+def test_the_inside_of_a_tight_bend_is_filled_once():
+    t = np.linspace(0, np.pi, 40)
+    line = stroke(70 + 6 * np.stack([np.cos(t), np.sin(t)], axis=1), 24)
+    picture = rendered(write_svg(inked(line), texture="vector", tones=1), 4.0)[..., 0]
+    y, x = np.mgrid[0:560, 0:560] / 4 - 70
+    within = (np.hypot(x, y) < 12) & (y > 1)
+    assert (picture[within] < 10).mean() > 0.99  # no hole where the strip would be folded
+
+
+def test_tones_add_up_to_the_mean_opacity():
+    rng = np.random.default_rng(0)
+    line = stroke(np.stack([np.linspace(20, 120, 40), np.full(40, 70.0)], 1), 20)
+    strip = np.zeros((200, 24, 4), np.uint8)
+    strip[..., 3] = np.kron(rng.integers(0, 256, (50, 6)), np.ones((4, 4)))
+    made = Drawing(line, (140, 140), [[0, 0, 0, 1]], Texture(strip, [0, 200], 0.0))
+    want = (255 - rasterise(made, 1.0, (1, 1, 1)).astype(float)).sum()
+    for count in (1, 2, 3, 8):
+        got = (255 - rendered(write_svg(made, texture="vector", tones=count))).sum()
+        assert got == pytest.approx(want, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "share", [(0.1, 0.1, 0.7), (0.7, 0.1, 0.1), (0.02, 0.02, 0.4), (0.3, 0.0, 0.3), (0.0, 0.0, 0.9)]
+)
+def test_opacities_of_a_texture_in_tones_are_found_again(share):
+    rng = np.random.default_rng(3)
+    line = stroke(np.stack([np.linspace(20, 120, 40), np.full(40, 70.0)], 1), 20)
+    wanted = np.array([0, 79, 163, 237])
+    strip = np.zeros((400, 24, 4), np.uint8)
+    strip[..., 3] = np.kron(rng.choice(wanted, (50, 6), p=[1 - sum(share), *share]), np.ones((8, 4)))
+    regions = tones(Drawing(line, (140, 140), [[0, 0, 0, 1]], Texture(strip, [0, 400], 0.0)), [0], 3)
+    shown = np.unique(strip[..., 3])[1:]
+    level = 255 * (1 - np.cumprod(1 - regions.opacity[0]))[: len(shown)]
+    assert level == pytest.approx(shown, abs=0.6)
+    assert np.unique(regions.tone).tolist() == list(range(len(shown)))  # and there are no more
+
+
+def test_edges_are_fitted_to_the_whole_contour(monkeypatch):
+    rng = np.random.default_rng(0)
+    angle = np.linspace(0, 2 * np.pi, 401)
+    radius = 30 + ndimage.gaussian_filter1d(rng.normal(0, 5, 400), 6, mode="wrap")[np.r_[:400, 0]]
+    ring = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    two, ends = np.concatenate([ring, ring[::2] + 100]), np.array([0, 401, 602])  # contours do not touch each other
+    keep = simplify_all(two, ends, 0.4)
+    keep[ends[1:] - 1] = False
+    offsets = np.r_[0, np.cumsum(keep)][ends]
+
+    def errors():
+        control = _fitted(two, ends, keep, offsets)
+        for k, xy in enumerate((ring, ring[::2] + 100)):
+            here = control[offsets[k] : offsets[k + 1]][:, None]
+            before, after, t = np.roll(here, 1, axis=0), np.roll(here, -1, axis=0), np.linspace(0, 1, 20)[:, None]
+            spline = 0.5 * (1 - t) ** 2 * before + (0.5 + t * (1 - t)) * here + 0.5 * t * t * after
+            yield np.sqrt(np.square(cKDTree(spline.reshape(-1, 2)).query(xy)[0]).mean())
+
+    fitted = np.array(list(errors()))
+    monkeypatch.setattr("strokestyle.svg.tones.HELD", 1e9)  # through the points that were kept, and no others
+    assert (fitted < 0.2).all() and (fitted < 0.9 * np.array(list(errors()))).all()
+
+
+def test_dense_grain_is_simplified_until_it_fits(monkeypatch):
+    rng = np.random.default_rng(0)
+    line = stroke(np.stack([np.linspace(20, 120, 40), np.full(40, 70.0)], 1), 20)
+    strip = np.zeros((200, 40, 4), np.uint8)
+    strip[..., 3] = rng.integers(0, 2, (200, 40)) * 255
+    made = Drawing(line, (140, 140), [[0, 0, 0, 1]], Texture(strip, [0, 200], 0.0))
+    fine = len(tones(made, [0]).points)
+    monkeypatch.setattr("strokestyle.svg.tones.POINTS", fine // 2)
+    assert len(tones(made, [0]).points) < 0.65 * fine
+
+
+def test_what_shows_nothing_has_no_paths():
+    line = together(stroke([[20, 20], [60, 30]], 8), stroke([[20, 60], [60, 70]], 8))
+    strips = np.zeros((40, 6, 4), np.uint8)
+    strips[20:, 1:5, 3] = 255
+    made = Drawing(line, (140, 140), np.tile([0, 0, 0, 1.0], (2, 1)), Texture(strips, [0, 20, 40], 1.0))
+    paths = tone_paths(tones(made, [0, 1]))
+    assert paths[0] == [] and len(paths[1]) >= 1
+    assert tone_paths(tones(made, [])) == []
+    assert "nan" not in write_svg(made, texture="vector")
