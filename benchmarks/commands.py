@@ -45,14 +45,33 @@ def main():
         folder = Path(folder)
         for preset in args.presets:
             for drawing in drawings:
-                words = ("fit", drawing, drawn_over, "-o", folder / f"{drawing.stem}.pt", "--preset", preset)
+                words = (
+                    "fit",
+                    drawing,
+                    drawn_over,
+                    "-o",
+                    folder / f"{drawing.stem}.pt",
+                    "--preset",
+                    preset,
+                )
                 row(f"fit {drawing.stem} --preset {preset}", *words)
         model = folder / "charcoal.pt"
         for shape in shapes:
-            files = [word for suffix in ("png", "svg", "npz", "json") for word in ("-o", folder / f"x.{suffix}")]
+            files = [
+                word
+                for suffix in ("png", "svg", "npz", "json")
+                for word in ("-o", folder / f"x.{suffix}")
+            ]
             row(f"extract {shape.stem} (all four files)", "extract", shape, *files)
             row(f"render {shape.stem}", "render", model, shape, "-o", folder / "x.svg")
-        row(f"render {len(shapes)} shapes, one process", "render", model, *shapes, "-o", folder / "all")
+        row(
+            f"render {len(shapes)} shapes, one process",
+            "render",
+            model,
+            *shapes,
+            "-o",
+            folder / "all",
+        )
 
 
 if __name__ == "__main__":

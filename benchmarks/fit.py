@@ -20,7 +20,9 @@ from pathlib import Path
 
 from commands import EXAMPLES, measure
 
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as strokestyle/cli.py, for the reason given there; for children
+os.environ.setdefault(
+    "OMP_WAIT_POLICY", "PASSIVE"
+)  # as strokestyle/cli.py, for the reason given there; for children
 os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 PROCESS = Path(__file__).resolve()
@@ -34,12 +36,16 @@ def row(what, target, measured):
 
 
 def head(title):
-    print(f"\n{title}\n{'what':58s} | {'target':>9s} | measured\n{'-' * 58} | {'-' * 9} | {'-' * 8}")
+    print(
+        f"\n{title}\n{'what':58s} | {'target':>9s} | measured\n{'-' * 58} | {'-' * 9} | {'-' * 8}"
+    )
 
 
 def child(*words):
     """What a function of this script, run in a new process, returns."""
-    done = subprocess.run([sys.executable, PROCESS, "--child", *map(str, words)], stdout=subprocess.PIPE, check=True)
+    done = subprocess.run(
+        [sys.executable, PROCESS, "--child", *map(str, words)], stdout=subprocess.PIPE, check=True
+    )
     return json.loads(done.stdout)
 
 
@@ -48,10 +54,11 @@ def child(*words):
 
 def fit_stages(drawing, preset):
     """Seconds, steps of each stage of a fit in this process."""
+    from strokestyle.fit import progress as fit_progress
     from strokestyle.fit import train as fitting
     from strokestyle.fit.exemplar import load_exemplar
 
-    fitting.BETWEEN = 0.0
+    fit_progress.BETWEEN = 0.0
     view = example_view(SHAPE)
     exemplar, _ = load_exemplar(drawing, view.camera.width, view.camera.height, view.curves.xy)
     begin, stages, last = time.perf_counter(), {}, [time.perf_counter()]
@@ -63,17 +70,17 @@ def fit_stages(drawing, preset):
             stages[event.stage] = (seconds + now - last[0], steps + 1)
         last[0] = now
 
-    fitting.fit(view, exemplar, fitting.PRESETS[preset], device="cpu", progress=progress)
+    fitting.fit_style(view, exemplar, fitting.PRESETS[preset], device="cpu", progress=progress)
     return {"total": time.perf_counter() - begin, "stages": stages}
 
 
 def example_view(shape):
     from strokestyle.extract.camera import fit_camera
-    from strokestyle.extract.view import extract
+    from strokestyle.extract.pipeline import extract_view
     from strokestyle.mesh.surface import load_surface
 
     surface = load_surface(shape)
-    return extract(surface, fit_camera(surface.vertices, "three-quarter"))
+    return extract_view(surface, fit_camera(surface.vertices, "three-quarter"))
 
 
 def fits(drawings, presets, folder):
@@ -81,12 +88,20 @@ def fits(drawings, presets, folder):
     for preset in presets:
         for name in drawings:
             drawing = EXAMPLES / "drawings" / f"{name}.png"
-            wall, cpu, peak = measure("fit", drawing, SHAPE, "-o", folder / f"{name}.pt", "--preset", preset)
-            row(f"fit {name} --preset {preset}", f"<= {MOST[preset]} s", f"{wall:.1f} s ({cpu:.1f})")
+            wall, cpu, peak = measure(
+                "fit", drawing, SHAPE, "-o", folder / f"{name}.pt", "--preset", preset
+            )
+            row(
+                f"fit {name} --preset {preset}", f"<= {MOST[preset]} s", f"{wall:.1f} s ({cpu:.1f})"
+            )
             row(f"fit {name} --preset {preset}, peak memory", "<= 3 GB", f"{peak / 1024:.2f} GB")
         done = child("fit_stages", EXAMPLES / "drawings" / f"{drawings[0]}.png", preset)
         for stage, (seconds, steps) in done["stages"].items():
-            row(f"  {preset}, {stage}: {steps} steps", "", f"{1000 * seconds / steps:.1f} ms a step, {seconds:.1f} s")
+            row(
+                f"  {preset}, {stage}: {steps} steps",
+                "",
+                f"{1000 * seconds / steps:.1f} ms a step, {seconds:.1f} s",
+            )
 
 
 # ---------------------------------------------------------------------------------------------------------- render
@@ -105,13 +120,15 @@ def render_stages(model, *meshes):
 
     table.append([])
     from strokestyle.extract.camera import fit_camera
-    from strokestyle.extract.rays import Scene
-    from strokestyle.extract.segments import feature_curves
+    from strokestyle.extract.feature_maps import feature_maps
+    from strokestyle.extract.lines import feature_curves
+    from strokestyle.extract.rays import Bvh
     from strokestyle.extract.tidy import tidy
-    from strokestyle.extract.view import View, feature_maps, visible_fragments
+    from strokestyle.extract.view import View
+    from strokestyle.extract.visible import visible_fragments
     from strokestyle.geometry.curves import DEFAULT_SPACING, resample_curves
     from strokestyle.mesh.surface import load_surface
-    from strokestyle.render.style import load_style
+    from strokestyle.render.style_file import load_style
     from strokestyle.svg.write import write_svg
 
     lap()
@@ -122,7 +139,7 @@ def render_stages(model, *meshes):
             table.append([[0.0, 0.0], [0.0, 0.0]])
         surface = load_surface(mesh)
         lap()
-        camera, scene = fit_camera(surface.vertices, "three-quarter"), Scene(surface)
+        camera, scene = fit_camera(surface.vertices, "three-quarter"), Bvh(surface)
         lines = visible_fragments(surface, camera, feature_curves(surface, camera), scene)
         curves = resample_curves(tidy(*lines, size=(camera.width, camera.height)), DEFAULT_SPACING)
         lap()
@@ -138,15 +155,26 @@ def render_stages(model, *meshes):
 def renders(meshes, folder, drawing):
     model = folder / f"{drawing}.pt"
     if not model.exists():
-        measure("fit", EXAMPLES / "drawings" / f"{drawing}.png", SHAPE, "-o", model, "--preset", "quick")
-    head(f"render in the hand of {drawing}, textured, 768 x 768 px: the first mesh of a process, and a further one")
+        measure(
+            "fit", EXAMPLES / "drawings" / f"{drawing}.png", SHAPE, "-o", model, "--preset", "quick"
+        )
+    head(
+        f"render in the hand of {drawing}, textured, 768 x 768 px: the first mesh of a process, and a further one"
+    )
     alone = [measure("render", model, mesh, "-o", folder / "x.svg")[:2] for mesh in meshes]
     for mesh, (wall, cpu) in zip(meshes, alone, strict=True):
         row(f"render {mesh.stem}, whole process", "<= 3 s", f"{wall:.2f} s ({cpu:.2f})")
     if len(meshes) > 1:
         wall, cpu, peak = measure("render", model, *meshes, "-o", folder / "all")
-        more = [(total - first) / (len(meshes) - 1) for total, first in zip((wall, cpu), alone[0], strict=True)]
-        row(f"each further of {len(meshes)}, one process", "<= 1.5 s", f"{more[0]:.2f} s ({more[1]:.2f})")
+        more = [
+            (total - first) / (len(meshes) - 1)
+            for total, first in zip((wall, cpu), alone[0], strict=True)
+        ]
+        row(
+            f"each further of {len(meshes)}, one process",
+            "<= 1.5 s",
+            f"{more[0]:.2f} s ({more[1]:.2f})",
+        )
         row("peak memory", "<= 3 GB", f"{peak / 1024:.2f} GB")
     table = child("render_stages", model, *meshes)
     print(f"\n{'seconds (CPU)':16s}" + "".join(f"{mesh.stem:>16s}" for mesh in meshes))
@@ -171,10 +199,11 @@ def meshes_of(shared):
 
 def paper_steps(size):
     """Seconds a step of both modules of the paper on patches of one size; the first step, which warms up, left out."""
+    from strokestyle.fit import progress as fit_progress
     from strokestyle.fit import train as fitting
     from strokestyle.fit.exemplar import load_exemplar
 
-    fitting.BETWEEN, clock = 0.0, {"geometry": [], "texture": []}
+    fit_progress.BETWEEN, clock = 0.0, {"geometry": [], "texture": []}
     view = example_view(SHAPE)
     drawing = EXAMPLES / "drawings" / "charcoal.png"
     exemplar, _ = load_exemplar(drawing, view.camera.width, view.camera.height, view.curves.xy)
@@ -182,31 +211,43 @@ def paper_steps(size):
         fitting.PRESETS["paper"], patches=(int(size),), geometry_steps=4, geometry_decay=1, texture_steps=2,
         texture_decay=1,
     )  # fmt: skip
-    fitting.fit(
-        view, exemplar, config, device="cpu", progress=lambda event: clock[event.stage].append(time.perf_counter())
+    fitting.fit_style(
+        view,
+        exemplar,
+        config,
+        device="cpu",
+        progress=lambda event: clock[event.stage].append(time.perf_counter()),
     )
     seconds = {stage: (times[-1] - times[0]) / (len(times) - 1) for stage, times in clock.items()}
     return seconds | {"peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}
 
 
 def paper():
-    from strokestyle.fit.neural_strokes import PaperConfig
+    from strokestyle.fit.neural_strokes import NeuralStrokesConfig
 
-    config = PaperConfig()
-    head(f"fit --preset paper, 768 x 768 px, batches of {config.batch} patches, on this machine's CPU")
+    config = NeuralStrokesConfig()
+    head(
+        f"fit --preset paper, 768 x 768 px, batches of {config.batch} patches, on this machine's CPU"
+    )
     each = {size: child("paper_steps", size) for size in config.patches}
     for stage, steps in (("geometry", config.geometry_steps), ("texture", config.texture_steps)):
         for size in config.patches:
             row(f"{stage}, patches of {size} px", "", f"{each[size][stage]:.2f} s a step")
         mean = sum(one[stage] for one in each.values()) / len(each)
         hours = mean * steps / 3600
-        row(f"{stage}, all {steps:,} steps (extrapolated)", "", f"{mean:.2f} s a step, {hours:.0f} h")
+        row(
+            f"{stage}, all {steps:,} steps (extrapolated)",
+            "",
+            f"{mean:.2f} s a step, {hours:.0f} h",
+        )
     row("peak memory", "", f"{max(one['peak'] for one in each.values()) / 1024:.2f} GB")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("shared", nargs="?", type=Path, default=os.environ.get("STROKESTYLE_SHARED"))
+    parser.add_argument(
+        "shared", nargs="?", type=Path, default=os.environ.get("STROKESTYLE_SHARED")
+    )
     parser.add_argument("--sections", nargs="+", default=["fit", "render", "paper"])
     parser.add_argument("--drawings", nargs="+", default=["charcoal"])
     parser.add_argument("--presets", nargs="+", default=["quick", "standard"])

@@ -19,9 +19,26 @@ import numpy as np
 
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture
 from strokestyle.geometry.parts import Parts
-from strokestyle.svg.write import read, write_svg
+from strokestyle.svg.read import read_svg
+from strokestyle.svg.write import write_svg
 
-NUMBERS = ("nan", "inf", "-inf", "1e999", "-1", "1e308", "0", "", "1e-320", "9" * 400, "1,", ",", "0x10", "1e5", "٣")
+NUMBERS = (
+    "nan",
+    "inf",
+    "-inf",
+    "1e999",
+    "-1",
+    "1e308",
+    "0",
+    "",
+    "1e-320",
+    "9" * 400,
+    "1,",
+    ",",
+    "0x10",
+    "1e5",
+    "٣",
+)
 ATTRIBUTES = (
     "data-ss-path", "data-ss-width", "data-ss-class", "data-ss-closed", "data-ss-texture", "data-ss-margin",
     "data-ss-at", "data-ss-size", "data-ss-page", "data-ss-options", "data-ss-format", "data-ss-part", "data-ss-parts",
@@ -35,19 +52,33 @@ def sample(texture: bool) -> str:
     line = np.stack([10 + 80 * t, 30 + 8 * np.sin(6 * t)], axis=1)
     ring = np.stack([50 + 20 * np.cos(2 * np.pi * t), 60 + 15 * np.sin(2 * np.pi * t)], axis=1)
     ring[-1] = ring[0]
-    strokes = Strokes(np.concatenate([line, ring]), np.r_[1 + 3 * t, 2 + 0 * t], [0, 12, 24], [0, 5], [False, True])
+    strokes = Strokes(
+        np.concatenate([line, ring]),
+        np.r_[1 + 3 * t, 2 + 0 * t],
+        [0, 12, 24],
+        [0, 5],
+        [False, True],
+    )
     strips = None
     if texture:
         rgba = np.random.default_rng(0).integers(0, 256, (100, 8, 4)).astype(np.uint8)
         rgba[..., :3] = [20, 30, 40]
         strips = Texture(rgba, [0, 50, 100], 1.0)
     color = np.tile(np.array([20, 30, 40, 200]) / 255, (2, 1))
-    return write_svg(Drawing(strokes, (100, 90), color, strips, Parts(("a & b", "\u65e5"), [1, 0])), title="fuzz")
+    return write_svg(
+        Drawing(strokes, (100, 90), color, strips, Parts(("a & b", "\u65e5"), [1, 0])), title="fuzz"
+    )
 
 
 def png(width: int, height: int, body: bytes, bits: int = 4) -> bytes:
-    parts = [(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)), (b"IDAT", body), (b"IEND", b"")]
-    chunks = (struct.pack(">I", len(b)) + n + b + struct.pack(">I", zlib.crc32(n + b)) for n, b in parts)
+    parts = [
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)),
+        (b"IDAT", body),
+        (b"IEND", b""),
+    ]
+    chunks = (
+        struct.pack(">I", len(b)) + n + b + struct.pack(">I", zlib.crc32(n + b)) for n, b in parts
+    )
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
@@ -85,40 +116,68 @@ def hostile(rng: np.random.Generator, text: str, without=()) -> tuple[str, bytes
     bomb = "".join(f'<!ENTITY b{i} "{f"&b{i - 1};" * 10}">' for i in range(1, 9))
     head = text[text.index("<svg") :]
     cases = {
-        "entity bomb": lambda: (f'<!DOCTYPE svg [<!ENTITY b0 "x">{bomb}]>' + head.replace("fuzz", "&b8;")).encode(),
+        "entity bomb": lambda: (
+            f'<!DOCTYPE svg [<!ENTITY b0 "x">{bomb}]>' + head.replace("fuzz", "&b8;")
+        ).encode(),
         "external entity": lambda: (
             '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + head.replace("fuzz", "&x;")
         ).encode(),
-        "external document type": lambda: ('<!DOCTYPE svg SYSTEM "http://127.0.0.1:9/x.dtd">' + head).encode(),
+        "external document type": lambda: (
+            '<!DOCTYPE svg SYSTEM "http://127.0.0.1:9/x.dtd">' + head
+        ).encode(),
         "network references": lambda: inside(
             '<image xlink:href="http://127.0.0.1:9/a.png"/><use xlink:href="file:///etc/passwd#a"/>'
             '<style>@import url(http://127.0.0.1:9/a.css);</style><script xlink:href="http://127.0.0.1:9/a.js"/>'
         ),
-        "huge attribute": lambda: with_value(text, str(rng.choice(ATTRIBUTES)), "1 " * 4_000_000).encode(),
+        "huge attribute": lambda: with_value(
+            text, str(rng.choice(ATTRIBUTES)), "1 " * 4_000_000
+        ).encode(),
         "many elements": lambda: inside("<g/>" * 300_000),
-        "many strokes": lambda: inside('<path data-ss-path="M0 0l1 1" data-ss-width="1 1"/>' * 60_000),
+        "many strokes": lambda: inside(
+            '<path data-ss-path="M0 0l1 1" data-ss-width="1 1"/>' * 60_000
+        ),
         "deep": lambda: inside("<g>" * 5_000 + "</g>" * 5_000),
-        "many points": lambda: with_value(text, "data-ss-path", "M0 0l" + "1 1 " * 900_000).encode(),
+        "many points": lambda: with_value(
+            text, "data-ss-path", "M0 0l" + "1 1 " * 900_000
+        ).encode(),
         "many transforms": lambda: inside(
             '<g transform="scale(1e9)">' * 200 + '<path data-ss-path="M0 0l1 1"/>' + "</g>" * 200
         ),
         "texture bomb": lambda: strip(png(60_000, 60_000, zlib.compress(bytes(20_000_000)))),
-        "texture bomb within limits": lambda: strip(png(2_000, 900, zlib.compress(bytes(20_000_000)))),
+        "texture bomb within limits": lambda: strip(
+            png(2_000, 900, zlib.compress(bytes(20_000_000)))
+        ),
         "texture too short": lambda: strip(png(500, 30, zlib.compress(b"abc"))),
-        "textures of many": lambda: inside(f'<path data-ss-path="M0 0l9 9" data-ss-texture="{large}"/>' * 40),
-        "image bomb": lambda: inside(drawn(image(base64.b64encode(png(60_000, 60_000, b"")).decode()))),
+        "textures of many": lambda: inside(
+            f'<path data-ss-path="M0 0l9 9" data-ss-texture="{large}"/>' * 40
+        ),
+        "image bomb": lambda: inside(
+            drawn(image(base64.b64encode(png(60_000, 60_000, b"")).decode()))
+        ),
         "images of many": lambda: inside(drawn(image(large)) * 40),
         "many images": lambda: inside(drawn(image(large) * 40)),
-        "image elsewhere": lambda: inside(drawn('<image width="9" height="9" xlink:href="http://127.0.0.1:9/a.png"/>')),
+        "image elsewhere": lambda: inside(
+            drawn('<image width="9" height="9" xlink:href="http://127.0.0.1:9/a.png"/>')
+        ),
         "huge tone": lambda: inside(drawn(f'<path d="M0 0{"q9 9 9-9t-9 9 9-9-9 1z" * 200_000}"/>')),
-        "high tone": lambda: inside(drawn(f'<path d="M0-9{"q9 9 0 20t9-20 0 20-9-20z" * 40_000}"/>')),
-        "tones of many": lambda: inside(drawn('<path transform="scale(9)" d="M0 0q9 9 9-9t-9 9 9-9z"/>') * 15_000),
-        "wide stroke of tones": lambda: inside(drawn('<path d="M0 0h9v9z"/>').replace('"20"', '"90000"')),
+        "high tone": lambda: inside(
+            drawn(f'<path d="M0-9{"q9 9 0 20t9-20 0 20-9-20z" * 40_000}"/>')
+        ),
+        "tones of many": lambda: inside(
+            drawn('<path transform="scale(9)" d="M0 0q9 9 9-9t-9 9 9-9z"/>') * 15_000
+        ),
+        "wide stroke of tones": lambda: inside(
+            drawn('<path d="M0 0h9v9z"/>').replace('"20"', '"90000"')
+        ),
         "svgz bomb": lambda: gzip.compress(text.encode() + b" " * 200_000_000, 1),
         "svgz cut": lambda: gzip.compress(text.encode())[:-9],
         "utf-16": lambda: text.replace("utf-8", "utf-16").encode("utf-16"),
         "other encoding": lambda: text.replace("utf-8", "x-none").encode(),
-        "not svg": lambda: b"<html><body>" + bytes(rng.integers(32, 127, 2000).astype(np.uint8)) + b"</body></html>",
+        "not svg": lambda: (
+            b"<html><body>"
+            + bytes(rng.integers(32, 127, 2000).astype(np.uint8))
+            + b"</body></html>"
+        ),
         "noise": lambda: bytes(rng.integers(0, 256, 5000).astype(np.uint8)),
         "newer": lambda: with_value(text, "data-ss-format", "99").encode(),
         "empty": lambda: b"",
@@ -138,7 +197,20 @@ def with_value(text: str, attribute: str, value: str) -> str:
 
 def damaged(rng: np.random.Generator, text: str) -> tuple[str, bytes]:
     """(what it is, a file of ours that came to harm)."""
-    name = str(rng.choice(["bytes", "cut", "piece lost", "piece twice", "number", "numbers", "attribute lost", "text"]))
+    name = str(
+        rng.choice(
+            [
+                "bytes",
+                "cut",
+                "piece lost",
+                "piece twice",
+                "number",
+                "numbers",
+                "attribute lost",
+                "text",
+            ]
+        )
+    )
     data = bytearray(text.encode())
     if name == "bytes":
         for at in rng.integers(0, len(data), rng.integers(1, 30)):
@@ -190,7 +262,7 @@ def attempt(data: bytes) -> tuple[str, float]:
     start = time.perf_counter()
     with Guard():
         try:
-            drawing = read(data)
+            drawing = read_svg(data)
         except ValueError as error:
             message = str(error)
             assert message and "\n" not in message and len(message) < 400, message
@@ -225,7 +297,9 @@ def main():
     for name, (total, good, worst) in sorted(table.items()):
         print(f"{name:28s} {total:6d} {good:6d} {total - good:8d} {worst:10.2f}")
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"{count} files, slowest {slowest:.2f} s, peak memory {memory:.0f} MB, no file or network access")
+    print(
+        f"{count} files, slowest {slowest:.2f} s, peak memory {memory:.0f} MB, no file or network access"
+    )
 
 
 if __name__ == "__main__":

@@ -26,19 +26,29 @@ from scipy.spatial import cKDTree
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
 
-import shapes  # noqa: E402  the tests' closed-form surfaces
-import sight  # noqa: E402
+import shapes
+import sight
 
-from strokestyle.extract import segments as lines  # noqa: E402
-from strokestyle.extract.camera import fit_camera  # noqa: E402
-from strokestyle.extract.rays import Scene  # noqa: E402
-from strokestyle.extract.segments import SURFACE_KINDS, LineOptions, ViewFields, feature_curves  # noqa: E402
-from strokestyle.extract.view import SHARP_KINDS, extract, feature_maps  # noqa: E402
-from strokestyle.geometry.curves import KINDS, Curves, arc_length, owner, resample, tangents  # noqa: E402
-from strokestyle.mesh.surface import load_surface, make_surface  # noqa: E402
+from strokestyle.extract import segments as lines
+from strokestyle.extract.camera import fit_camera
+from strokestyle.extract.feature_maps import feature_maps
+from strokestyle.extract.line_options import SURFACE_KINDS, LineOptions
+from strokestyle.extract.lines import feature_curves
+from strokestyle.extract.pipeline import extract_view
+from strokestyle.extract.rays import Bvh
+from strokestyle.extract.view_curvature import ViewFields
+from strokestyle.extract.visible import SHARP_KINDS
+from strokestyle.geometry.curves import KINDS, Curves, arc_length, owner, resample, tangents
+from strokestyle.mesh.surface import load_surface, make_surface
 
 VIEWS = ("three-quarter", "side")
-RTSC = {"suggestive": 0.01, "ridge": 0.1, "valley": 0.1, "apparent": 0.1, "sharpness": 0.0}  # its thresholds
+RTSC = {
+    "suggestive": 0.01,
+    "ridge": 0.1,
+    "valley": 0.1,
+    "apparent": 0.1,
+    "sharpness": 0.0,
+}  # its thresholds
 SECTIONS = ("geometry", "segments", "visibility", "strokes", "speed")
 
 
@@ -96,7 +106,9 @@ def closed_form_errors(shape) -> tuple[np.ndarray, np.ndarray]:
 def geometry(shared: Path | None) -> None:
     for path in oracles(shared):
         for name, error in oracle_errors(np.load(path)).items():
-            figures = f"median {np.median(error):.1e}, 99th percentile {np.percentile(error, 99):.1e}"
+            figures = (
+                f"median {np.median(error):.1e}, 99th percentile {np.percentile(error, 99):.1e}"
+            )
             row(f"{name} against rtsc, {path.stem}", "1e-3, 1e-2", figures)
     makers = {
         "sphere": lambda n: shapes.sphere({20: 2, 40: 3, 80: 4}[n]),
@@ -132,12 +144,19 @@ def covered(a: np.ndarray, b: np.ndarray, tolerance: float = 1e-4) -> float:
         length = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
         count = np.maximum(np.ceil(length / step), 1).astype(int)
         which = np.repeat(np.arange(len(segments)), count)
-        t = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[which]
-        return segments[which, 0] + t[:, None] * (segments[which, 1] - segments[which, 0]), (length / count)[which]
+        t = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[
+            which
+        ]
+        return segments[which, 0] + t[:, None] * (segments[which, 1] - segments[which, 0]), (
+            length / count
+        )[which]
 
     step = tolerance / 4
     (p, weight), (q, _) = sample(a, 4 * step), sample(b, step)
-    near = cKDTree(q).query(p, distance_upper_bound=tolerance + 0.5 * step)[0] <= tolerance + 0.5 * step
+    near = (
+        cKDTree(q).query(p, distance_upper_bound=tolerance + 0.5 * step)[0]
+        <= tolerance + 0.5 * step
+    )
     return weight[near].sum() / weight.sum()
 
 
@@ -166,7 +185,9 @@ def segments(shared: Path | None) -> None:
                 continue
             points = ours.points(surface)
             figures = f"ours in theirs {covered(points, expected[good]):.4f}, theirs in ours "
-            figures += f"{covered(expected[good], points):.4f} ({len(ours)} and {good.sum()} segments)"
+            figures += (
+                f"{covered(expected[good], points):.4f} ({len(ours)} and {good.sum()} segments)"
+            )
             row(f"{kind} segments against rtsc, {path.stem}", ">= .99 both", figures)
 
 
@@ -182,7 +203,10 @@ def places(surface, camera, options: LineOptions) -> sight.Places:
     a, b, c = (surface.vertices[surface.faces[face, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     square = np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-300)
-    weight = [np.einsum("ij,ij->i", np.cross(q - p, middle - p), normal) / square for p, q in ((b, c), (c, a))]
+    weight = [
+        np.einsum("ij,ij->i", np.cross(q - p, middle - p), normal) / square
+        for p, q in ((b, c), (c, a))
+    ]
     bary = np.stack([*weight, 1.0 - weight[0] - weight[1]], axis=1).clip(0.0, 1.0)
     kind = curves.kind[which[first]]
     sharp = np.isin(kind, [KINDS.index(name) for name in SHARP_KINDS])
@@ -199,11 +223,17 @@ class Tally:
     def add(self, where: sight.Places, seen: np.ndarray, truth: np.ndarray) -> None:
         length = where.length / max(where.length.sum(), 1e-12)
         for column, mask in enumerate((truth, truth & seen, seen, seen & ~truth)):
-            self.sums[:, column] += np.bincount(where.kind[mask], length[mask], minlength=len(KINDS))
+            self.sums[:, column] += np.bincount(
+                where.kind[mask], length[mask], minlength=len(KINDS)
+            )
 
     def figures(self, kind: str) -> str | None:
         true, found, seen, false = self.sums[KINDS.index(kind)]
-        return f"{found / max(true, 1e-12):.4f} / {false / max(seen, 1e-12):.4f}" if seen + true else None
+        return (
+            f"{found / max(true, 1e-12):.4f} / {false / max(seen, 1e-12):.4f}"
+            if seen + true
+            else None
+        )
 
 
 def drawings(shared: Path | None):
@@ -228,14 +258,18 @@ def visibility(shared: Path | None, details: bool = False) -> None:
     tallies = {name: Tally() for name in ROADS}
     for path, view, surface, camera in drawings(shared):
         where = places(surface, camera, options)
-        seen = Scene(surface).seen(camera.eye, where.face, where.on(surface, surface.vertices), where.sharp)
+        seen = Bvh(surface).seen(
+            camera.eye, where.face, where.on(surface, surface.vertices), where.sharp
+        )
         for name, (road, kinds) in ROADS.items():
             truth = road(surface, camera.eye, where)
             tallies[name].add(where, seen, truth)
             if details:
                 single = Tally()
                 single.add(where, seen, truth)
-                figures = "  ".join(f"{kind} {single.figures(kind)}" for kind in kinds if single.figures(kind))
+                figures = "  ".join(
+                    f"{kind} {single.figures(kind)}" for kind in kinds if single.figures(kind)
+                )
                 print(f"    {path.stem} {view}, {name}: {figures}")
     for name, tally in tallies.items():
         target = "" if "facet" in name else ">= .998 / <= .003"
@@ -273,7 +307,7 @@ def closed_form_visibility() -> None:
             camera = fit_camera(surface.vertices, view)
             where = places(surface, camera, LineOptions(kinds=SURFACE_KINDS, smooth=0.0))
             position = where.on(surface, surface.vertices)
-            seen = Scene(surface).seen(camera.eye, where.face, position, where.sharp)
+            seen = Bvh(surface).seen(camera.eye, where.face, position, where.sharp)
             eye, position = surface.original(camera.eye[None])[0], surface.original(position)
             tally.add(where, seen, sight.by_formula(height, eye, position, slack))
         for kind in SURFACE_KINDS:
@@ -294,7 +328,11 @@ def doubled(curves: Curves, near: float = 1.5, over: float = 10.0, angle: float 
     xy, offsets, _ = resample(curves.xy, curves.offsets, 1.0)
     if not len(xy):
         return 0.0
-    which, along, direction = owner(offsets), arc_length(xy, offsets), tangents(xy, offsets, curves.closed)
+    which, along, direction = (
+        owner(offsets),
+        arc_length(xy, offsets),
+        tangents(xy, offsets, curves.closed),
+    )
     a, b = cKDTree(xy).query_pairs(near, output_type="ndarray").T
     apart = np.abs(along[a] - along[b])
     length = along[offsets[1:] - 1][which[a]]
@@ -311,10 +349,14 @@ def doubled(curves: Curves, near: float = 1.5, over: float = 10.0, angle: float 
 def strokes(shared: Path | None, details: bool = False) -> None:
     contours, everything = np.zeros(4), np.zeros(4)
     for path, view, surface, camera in drawings(shared):
-        scene = Scene(surface)
-        length = extract(surface, camera, LineOptions(kinds=("contour",)), scene=scene).curves.lengths()
-        contours += np.array([(length < 5).sum(), len(length), length[length > 50].sum(), length.sum()])
-        curves = extract(surface, camera, scene=scene).curves
+        scene = Bvh(surface)
+        length = extract_view(
+            surface, camera, LineOptions(kinds=("contour",)), scene=scene
+        ).curves.lengths()
+        contours += np.array(
+            [(length < 5).sum(), len(length), length[length > 50].sum(), length.sum()]
+        )
+        curves = extract_view(surface, camera, scene=scene).curves
         length = curves.lengths()
         single = np.array([(length < 8).sum(), len(length), doubled(curves), length.sum()])
         everything += single
@@ -322,9 +364,21 @@ def strokes(shared: Path | None, details: bool = False) -> None:
             print(
                 f"    {path.stem} {view}: {len(length)} strokes, under 8 px {single[0]:.0f}, doubled {single[2]:.0f} px"
             )
-    row("visible contours: share of strokes under 5 px", "<= .08", f"{contours[0] / contours[1]:.3f}")
-    row("visible contours: share of the length in strokes over 50 px", ">= .92", f"{contours[2] / contours[3]:.3f}")
-    row("default kinds: share of strokes under 8 px", "<= .05", f"{everything[0] / everything[1]:.3f}")
+    row(
+        "visible contours: share of strokes under 5 px",
+        "<= .08",
+        f"{contours[0] / contours[1]:.3f}",
+    )
+    row(
+        "visible contours: share of the length in strokes over 50 px",
+        ">= .92",
+        f"{contours[2] / contours[3]:.3f}",
+    )
+    row(
+        "default kinds: share of strokes under 8 px",
+        "<= .05",
+        f"{everything[0] / everything[1]:.3f}",
+    )
     row("default kinds: doubled length", "<= .01", f"{everything[2] / everything[3]:.4f}")
 
 
@@ -351,14 +405,16 @@ def measure(path: str) -> None:
     out["of it geometry"] = clock() - start
     options = LineOptions(kinds=SURFACE_KINDS)
     start = clock()
-    scene = Scene(surface)
-    view = extract(surface, fit_camera(surface.vertices, "three-quarter"), options, scene=scene)
+    scene = Bvh(surface)
+    view = extract_view(
+        surface, fit_camera(surface.vertices, "three-quarter"), options, scene=scene
+    )
     out["first view"] = clock() - start
     further = []
     for turn in ("10,20", "35,10", "80,5"):
         camera = fit_camera(surface.vertices, turn)
         start = clock()
-        extract(surface, camera, options, scene=scene)
+        extract_view(surface, camera, options, scene=scene)
         further.append(clock() - start)
     start = clock()
     feature_maps(surface, camera, view.curves, scene)
@@ -389,8 +445,14 @@ def report(path: Path, name: str) -> None:
     command = [sys.executable, __file__, "--measure", str(path)]
     got = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     what = f"{path.name}, {got['faces']} faces: "
-    targets = {"69k": ("<= 1.2", "<= 0.3", "<= 0.5"), "346k": ("<= 5", "", ""), "1M": ("", "", "")}[name]
-    row(what + "load, and of that geometry, CPU s", "", f"{got['load']:.2f}, {got['of it geometry']:.2f}")
+    targets = {"69k": ("<= 1.2", "<= 0.3", "<= 0.5"), "346k": ("<= 5", "", ""), "1M": ("", "", "")}[
+        name
+    ]
+    row(
+        what + "load, and of that geometry, CPU s",
+        "",
+        f"{got['load']:.2f}, {got['of it geometry']:.2f}",
+    )
     for part, target in zip(("first view", "further view", "maps"), targets, strict=True):
         row(
             what + part + (" with every kind" if part != "maps" else " 768 x 768") + ", CPU s",
@@ -404,9 +466,13 @@ def report(path: Path, name: str) -> None:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("shared", nargs="?", type=Path, default=os.environ.get("STROKESTYLE_SHARED"))
+    parser.add_argument(
+        "shared", nargs="?", type=Path, default=os.environ.get("STROKESTYLE_SHARED")
+    )
     parser.add_argument("--only", nargs="+", choices=SECTIONS, default=SECTIONS)
-    parser.add_argument("--details", action="store_true", help="figures of every mesh and view, too")
+    parser.add_argument(
+        "--details", action="store_true", help="figures of every mesh and view, too"
+    )
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.measure:

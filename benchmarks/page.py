@@ -67,7 +67,9 @@ def point(browser):
 
 def wheel(browser):
     x, y = middle(browser, "#stage")
-    return lambda: None, lambda t: browser.mouse("mouseWheel", x, y, deltaX=0, deltaY=-12 if t < 1 else 12)
+    return lambda: None, lambda t: browser.mouse(
+        "mouseWheel", x, y, deltaX=0, deltaY=-12 if t < 1 else 12
+    )
 
 
 HANDS = {
@@ -104,7 +106,13 @@ def measured(browser, begin, step):
     frames = browser.run("frames_")
     gaps = sorted(b[0] - a[0] for a, b in pairwise(frames)) or [float("inf")]
     fine = sorted(frame[1] for frame in frames)[len(frames) // 2] if frames else 0
-    return len(frames) / took, gaps[len(gaps) // 2], gaps[-1], 1000.0 * work / max(len(frames), 1), fine
+    return (
+        len(frames) / took,
+        gaps[len(gaps) // 2],
+        gaps[-1],
+        1000.0 * work / max(len(frames), 1),
+        fine,
+    )
 
 
 def drawings(files):

@@ -12,7 +12,9 @@ import sys
 import time
 from pathlib import Path
 
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as strokestyle/cli.py, for the reason given there
+os.environ.setdefault(
+    "OMP_WAIT_POLICY", "PASSIVE"
+)  # as strokestyle/cli.py, for the reason given there
 os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 import numpy as np
@@ -20,7 +22,12 @@ import torch
 
 from strokestyle.render.coverage import coverage
 
-DIFFVG_SECONDS = {64: 0.23, 128: 1.1, 192: 2.2, 256: 3.7}  # forward + backward of 16 patches, 2 cores
+DIFFVG_SECONDS = {
+    64: 0.23,
+    128: 1.1,
+    192: 2.2,
+    256: 3.7,
+}  # forward + backward of 16 patches, 2 cores
 POINTS = {64: 1785, 128: 4958, 192: 9429, 256: 15890}
 
 
@@ -52,7 +59,13 @@ def differences(scene, step):
         for sign in (1, -1):
             thickness = torch.tensor(scene["thickness"])
             thickness[i] += sign * step
-            loss.append((coverage(xy, thickness, offsets, height, width) - target).abs().double().mean().item())
+            loss.append(
+                (coverage(xy, thickness, offsets, height, width) - target)
+                .abs()
+                .double()
+                .mean()
+                .item()
+            )
         out.append((loss[0] - loss[1]) / (2 * step))
     return np.array(out)
 
@@ -61,13 +74,20 @@ def accuracy(folder: Path):
     print(
         "                          mean error            worst pixel        gradients: cosine with stored differences"
     )
-    print("                          ours     DiffVG       ours   DiffVG      points  DiffVG      thickness  DiffVG")
-    print("target                    < DiffVG              <= .25             >= .985             >= .96")
+    print(
+        "                          ours     DiffVG       ours   DiffVG      points  DiffVG      thickness  DiffVG"
+    )
+    print(
+        "target                    < DiffVG              <= .25             >= .985             >= .96"
+    )
     missed = []
     for path in sorted(folder.glob("*.npz")):
         scene = np.load(path)
         cover, points, thickness = gradients(scene)
-        error, theirs = np.abs(cover - scene["coverage"]), np.abs(scene["diffvg_coverage_2x2"] - scene["coverage"])
+        error, theirs = (
+            np.abs(cover - scene["coverage"]),
+            np.abs(scene["diffvg_coverage_2x2"] - scene["coverage"]),
+        )
         a, b = cosine(points, scene["fd_points"]), cosine(thickness, scene["fd_thickness"])
         c = cosine(scene["diffvg_grad_points_2x2"], scene["fd_points"])
         d = cosine(scene["diffvg_grad_thickness_2x2"], scene["fd_thickness"])
@@ -84,7 +104,9 @@ def accuracy(folder: Path):
         print("step, px  with the stored differences  with our gradient")
         for step in (0.4, 0.2, 0.1, 0.02, 0.005):
             ours = differences(scene, step)
-            print(f"{step:8.3f}  {cosine(ours, scene['fd_thickness']):27.4f}  {cosine(ours, thickness):17.4f}")
+            print(
+                f"{step:8.3f}  {cosine(ours, scene['fd_thickness']):27.4f}  {cosine(ours, thickness):17.4f}"
+            )
 
 
 def scribble(size, points, images, rng):
@@ -107,9 +129,13 @@ def scribble(size, points, images, rng):
 
 
 def speed(device):
-    print(f"16 patches, forward + backward, {device}, the best\npatch  points  seconds  DiffVG  ratio (target >= 20)")
+    print(
+        f"16 patches, forward + backward, {device}, the best\npatch  points  seconds  DiffVG  ratio (target >= 20)"
+    )
     for size, points in POINTS.items():
-        xy, thickness, offsets, image = (a.to(device) for a in scribble(size, points, 16, np.random.default_rng(0)))
+        xy, thickness, offsets, image = (
+            a.to(device) for a in scribble(size, points, 16, np.random.default_rng(0))
+        )
         xy.requires_grad_(), thickness.requires_grad_()
         best = np.inf
         until = time.perf_counter() + 1.5
@@ -120,7 +146,9 @@ def speed(device):
             if device == "cuda":
                 torch.cuda.synchronize()
             best = min(best, time.perf_counter() - start)
-        print(f"{size:5d} {points:7d} {best:8.4f} {DIFFVG_SECONDS[size]:7.2f} {DIFFVG_SECONDS[size] / best:6.1f}")
+        print(
+            f"{size:5d} {points:7d} {best:8.4f} {DIFFVG_SECONDS[size]:7.2f} {DIFFVG_SECONDS[size] / best:6.1f}"
+        )
 
 
 if __name__ == "__main__":

@@ -123,7 +123,10 @@ def by_rule(surface: Surface, eye: np.ndarray, places: Places) -> np.ndarray:
     edge = _edge(surface)[places.face]
     normal = surface.normals[surface.faces[places.face]].sum(axis=1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    target = places.on(surface, surface.vertices) + normal * np.where(places.sharp, 0.0, LIFT * edge)[:, None]
+    target = (
+        places.on(surface, surface.vertices)
+        + normal * np.where(places.sharp, 0.0, LIFT * edge)[:, None]
+    )
     found = crossings(surface.vertices[surface.faces], eye, target)
     own = _touches(surface, found.triangle, places.face[found.target])
     ignored = ~places.sharp[found.target] & own & (found.gap < NEAR * edge[found.target])
@@ -137,7 +140,9 @@ def by_mesh(surface: Surface, eye: np.ndarray, places: Places) -> np.ndarray:
     return _seen(len(places.face), found.target[~own & (found.gap > 1e-6)])
 
 
-def by_curved_faces(surface: Surface, eye: np.ndarray, places: Places, parts: int = 3) -> np.ndarray:
+def by_curved_faces(
+    surface: Surface, eye: np.ndarray, places: Places, parts: int = 3
+) -> np.ndarray:
     """Every face as a curved point-normal triangle (Vlachos 2001), cut into parts^2, and the places lifted onto it by
     a tenth of an edge: the smooth surface whose normals the mesh has."""
     corner, normal = surface.vertices[surface.faces], surface.normals[surface.faces]
@@ -156,9 +161,15 @@ def by_curved_faces(surface: Surface, eye: np.ndarray, places: Places, parts: in
             out = out + 3.0 * (bary[..., i] ** 2 * bary[..., j])[..., None] * point[face]
         return out + 6.0 * bary.prod(axis=-1)[..., None] * centre[face]
 
-    i, j = (n.ravel() for n in np.meshgrid(np.arange(parts + 1), np.arange(parts + 1), indexing="ij"))
+    i, j = (
+        n.ravel() for n in np.meshgrid(np.arange(parts + 1), np.arange(parts + 1), indexing="ij")
+    )
     number = {(a, b): k for k, (a, b) in enumerate(zip(i, j, strict=True))}
-    small = [[number[a, b], number[a + 1, b], number[a, b + 1]] for a in range(parts) for b in range(parts - a)]
+    small = [
+        [number[a, b], number[a + 1, b], number[a, b + 1]]
+        for a in range(parts)
+        for b in range(parts - a)
+    ]
     small += [[number[a + 1, b], number[a + 1, b + 1], number[a, b + 1]]
               for a in range(parts) for b in range(parts - a - 1)]  # fmt: skip
     grid = np.stack([1.0 - (i + j) / parts, i / parts, j / parts], axis=1)
@@ -175,7 +186,9 @@ def by_curved_faces(surface: Surface, eye: np.ndarray, places: Places, parts: in
     return _seen(len(target), found.target[~own & (found.gap > 1e-5)])
 
 
-def by_formula(height: Callable, eye: np.ndarray, position: np.ndarray, slack: float, steps: int = 1500) -> np.ndarray:
+def by_formula(
+    height: Callable, eye: np.ndarray, position: np.ndarray, slack: float, steps: int = 1500
+) -> np.ndarray:
     """The surface height(points (N, 3)) = 0, positive outside and nearly a distance: seen where the way to the eye
     never lies deeper than `slack`, the distance between mesh and surface."""
     seen = np.ones(len(position), bool)

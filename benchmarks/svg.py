@@ -26,10 +26,12 @@ from strokestyle.drawing.outline import outlines
 from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.strokes import Drawing, Strokes
 from strokestyle.fit.exemplar import separate
-from strokestyle.render.texture_bank import learn_texture, synthesise
-from strokestyle.svg.document import SvgOptions
+from strokestyle.fit.texture import learn_texture
+from strokestyle.render.quilt import synthesise
+from strokestyle.svg.format import SvgOptions
 from strokestyle.svg.ink import inks
-from strokestyle.svg.write import png_from_svg, read, settled, write_svg
+from strokestyle.svg.read import read_svg
+from strokestyle.svg.write import png_from_svg, resolve_texture, write_svg
 
 SIZE, COUNT, POINTS = 768, 303, 62
 STYLES = ("grain", "soft", "coloured")
@@ -44,12 +46,18 @@ def strokes(count, seed, thickness=6.0, shortest=POINTS):
     for _ in range(count):
         n = int(rng.integers(shortest, POINTS + 1))
         t = np.linspace(0, 1, n)
-        heading = rng.uniform(0, 6.3) + np.cumsum(ndimage.gaussian_filter1d(rng.normal(0, 0.25, n), 4))
+        heading = rng.uniform(0, 6.3) + np.cumsum(
+            ndimage.gaussian_filter1d(rng.normal(0, 0.25, n), 4)
+        )
         line = np.cumsum(3.0 * np.stack([np.cos(heading), np.sin(heading)], axis=1), axis=0)
         xy.append(line - line.mean(axis=0) + rng.uniform(0.15, 0.85, 2) * SIZE)
-        width.append(thickness * np.minimum(1, 4 * np.minimum(t, 1 - t) + 0.1) * rng.uniform(0.5, 1.0))
+        width.append(
+            thickness * np.minimum(1, 4 * np.minimum(t, 1 - t) + 0.1) * rng.uniform(0.5, 1.0)
+        )
         offsets.append(offsets[-1] + n)
-    return Strokes(np.concatenate(xy), np.concatenate(width), offsets, np.zeros(count), np.zeros(count, bool))
+    return Strokes(
+        np.concatenate(xy), np.concatenate(width), offsets, np.zeros(count), np.zeros(count, bool)
+    )
 
 
 def exemplar(style, lines, seed):
@@ -63,13 +71,19 @@ def exemplar(style, lines, seed):
         return (field - field.mean()) / field.std()
 
     if style == "soft":
-        flat[..., 3] = ndimage.gaussian_filter(flat[..., 3], 1.0) * np.clip(0.6 + 0.12 * noise(6.0), 0, 1)
+        flat[..., 3] = ndimage.gaussian_filter(flat[..., 3], 1.0) * np.clip(
+            0.6 + 0.12 * noise(6.0), 0, 1
+        )
         flat[..., :3] = ink
     else:
         flat[..., 3] *= np.clip(0.5 + 0.6 * noise(1.2), 0, 1)
     if style == "coloured":
-        flat[..., :3] = np.clip(flat[..., :3] + 0.12 * np.stack([noise(8.0), noise(9.0), noise(10.0)], axis=-1), 0, 1)
-    return separate(np.where(flat[..., 3:] > 0, flat, [1, 1, 1, 0]).astype(np.float32), transparent=True)
+        flat[..., :3] = np.clip(
+            flat[..., :3] + 0.12 * np.stack([noise(8.0), noise(9.0), noise(10.0)], axis=-1), 0, 1
+        )
+    return separate(
+        np.where(flat[..., 3:] > 0, flat, [1, 1, 1, 0]).astype(np.float32), transparent=True
+    )
 
 
 def drawing(style, shortest):
@@ -87,7 +101,12 @@ def by_program(command):
         with tempfile.TemporaryDirectory() as folder:
             source, target = Path(folder) / "a.svg", Path(folder) / "a.png"
             source.write_text(text)
-            names = {"source": source, "target": target, "scale": scale, "side": round(size[0] * scale)}
+            names = {
+                "source": source,
+                "target": target,
+                "scale": scale,
+                "side": round(size[0] * scale),
+            }
             words = [word.format(**names, width=size[0], height=size[1]) for word in command]
             subprocess.run(words, capture_output=True, timeout=300, check=False, cwd=folder)
             return target.read_bytes()
@@ -98,11 +117,26 @@ def by_program(command):
 RENDERERS = {
     "resvg": lambda text, scale, size: png_from_svg(text, scale),
     "chromium": by_program(
-        ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--screenshot={target}"]
-        + ["--window-size={width},{height}", "--force-device-scale-factor={scale}", "file://{source}"]
+        [
+            "chromium",
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--hide-scrollbars",
+            "--screenshot={target}",
+        ]
+        + [
+            "--window-size={width},{height}",
+            "--force-device-scale-factor={scale}",
+            "file://{source}",
+        ]
     ),
-    "rsvg-convert": by_program(["rsvg-convert", "-w", "{side}", "-b", "white", "-o", "{target}", "{source}"]),
-    "inkscape": by_program(["inkscape", "{source}", "-o", "{target}", "-w", "{side}", "-b", "white", "-y", "1"]),
+    "rsvg-convert": by_program(
+        ["rsvg-convert", "-w", "{side}", "-b", "white", "-o", "{target}", "{source}"]
+    ),
+    "inkscape": by_program(
+        ["inkscape", "{source}", "-o", "{target}", "-w", "{side}", "-b", "white", "-y", "1"]
+    ),
 }
 
 
@@ -127,33 +161,52 @@ def judged(value, target):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("drawings", nargs="*")
     parser.add_argument("--dense", action="store_true")
     parser.add_argument("--renderers", default=",".join(RENDERERS))
     parser.add_argument("--scales", default="1,4")
     parser.add_argument("--styles", default=",".join(STYLES))
     given = parser.parse_args()
-    programs = [name for name in given.renderers.split(",") if name == "resvg" or shutil.which(name)]
+    programs = [
+        name for name in given.renderers.split(",") if name == "resvg" or shutil.which(name)
+    ]
     for name in set(given.renderers.split(",")) - set(programs):
         print(f"{name} is not installed: left out")
     scales = [float(scale) for scale in given.scales.split(",")]
-    print("processor seconds; ! misses its target: write 1.5 s, open at 4x 3 s, 750 kB and error 2 for vector, 900 kB")
+    print(
+        "processor seconds; ! misses its target: write 1.5 s, open at 4x 3 s, 750 kB and error 2 for vector, 900 kB"
+    )
     print("and 1.5 for image")
-    heads = "".join(f" {f'{name} {scale:g}x: error, s':>26s}" for name in programs for scale in scales)
+    heads = "".join(
+        f" {f'{name} {scale:g}x: error, s':>26s}" for name in programs for scale in scales
+    )
     print(f"{'style':9s} {'encoding':14s} {'write':>6s} {'kB':>6s} {'gz':>5s}{heads}")
     for style in given.drawings or given.styles.split(","):
         if given.drawings:  # without its art: all is drawn anew
-            made, style = replace(read(style), art={}), Path(style).stem[-9:]
+            made, style = replace(read_svg(style), art={}), Path(style).stem[-9:]
         else:
             made = drawing(style, POINTS if given.dense else 10)
-        chosen = settled(made, SvgOptions()).texture
+        chosen = resolve_texture(made, SvgOptions()).texture
         wanted = {scale: rasterise(made, scale, (1, 1, 1)).astype(float) for scale in scales}
-        flat = {scale: rasterise(made, scale, (1, 1, 1), texture=False).astype(float) for scale in scales}
-        cases = [("none", {}), ("vector", {"tones": 1}), ("vector", {"tones": 2}), ("vector", {}), ("image", {})]
+        flat = {
+            scale: rasterise(made, scale, (1, 1, 1), texture=False).astype(float)
+            for scale in scales
+        }
+        cases = [
+            ("none", {}),
+            ("vector", {"tones": 1}),
+            ("vector", {"tones": 2}),
+            ("vector", {}),
+            ("image", {}),
+        ]
         cases += [("image", {"texture_res": 2.0})]
         for texture, options in cases:
-            took, text = seconds(lambda made=made, o=options, t=texture: write_svg(made, texture=t, **o))
+            took, text = seconds(
+                lambda made=made, o=options, t=texture: write_svg(made, texture=t, **o)
+            )
             most, size = TARGETS[texture]
             kb, packed = len(text) / 1000, len(gzip.compress(text.encode(), 9)) / 1000
             name = texture + "".join(f" {k.split('_')[-1]} {v:g}" for k, v in options.items())
@@ -162,14 +215,20 @@ def main():
             line = f"{style:9s} {name:14s} {judged(took, WRITE):>6s} {kb:5.0f}{much} {packed:5.0f}"
             for program in programs:
                 for scale in scales:
-                    cost, png = seconds(lambda p=program, s=scale, t=text, d=made: RENDERERS[p](t, s, d.size))
+                    cost, png = seconds(
+                        lambda p=program, s=scale, t=text, d=made: RENDERERS[p](t, s, d.size)
+                    )
                     seen = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)
                     off = np.abs(seen - (flat if texture == "none" else wanted)[scale]).mean()
                     line += f" {judged(off, most) + ', ' + judged(cost, OPEN):>26s}"
             print(line, flush=True)
         look, took = inks(made.texture), seconds(lambda made=made: outlines(made.strokes))[0]
-        print(f"{'':9s} darkness {255 - wanted[scales[0]].mean():.1f}; grain {look.grain.mean():.2f}; * taken by auto;")
-        print(f"{'':9s} {len(made.strokes)} strokes, {len(made.strokes.xy)} points; outlines alone {took:.2f} s")
+        print(
+            f"{'':9s} darkness {255 - wanted[scales[0]].mean():.1f}; grain {look.grain.mean():.2f}; * taken by auto;"
+        )
+        print(
+            f"{'':9s} {len(made.strokes)} strokes, {len(made.strokes.xy)} points; outlines alone {took:.2f} s"
+        )
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 
 from strokestyle.extract.camera import DEFAULT_SIZE, fit_camera
-from strokestyle.extract.rays import Scene
-from strokestyle.extract.view import extract
+from strokestyle.extract.pipeline import extract_view
+from strokestyle.extract.rays import Bvh
 from strokestyle.geometry.curves import Curves
 from strokestyle.mesh.surface import load_surface
 
@@ -39,7 +39,9 @@ def drawing(curves: Curves) -> Image.Image:
     image = Image.new("L", (CELL * OVERSAMPLING,) * 2, 255)
     draw = ImageDraw.Draw(image)
     for i in range(len(curves)):
-        draw.line([tuple(point) for point in curves[i] * scale], 0, round(INK * OVERSAMPLING), "curve")
+        draw.line(
+            [tuple(point) for point in curves[i] * scale], 0, round(INK * OVERSAMPLING), "curve"
+        )
     return image.reduce(OVERSAMPLING)
 
 
@@ -51,10 +53,10 @@ def sheet(paths: list[Path], columns: int) -> Image.Image:
     for i, path in enumerate(paths):
         left, top = i % columns * CELL, i // columns * (len(VIEWS) * CELL + TITLE)
         surface = load_surface(path)
-        scene = Scene(surface)
+        scene = Bvh(surface)
         draw.text((left + 10, top + 6), f"{path.stem}, {len(surface.faces):,} faces", 90, font)
         for k, view in enumerate(FACING.get(path.stem, VIEWS)):
-            curves = extract(surface, fit_camera(surface.vertices, view), scene=scene).curves
+            curves = extract_view(surface, fit_camera(surface.vertices, view), scene=scene).curves
             out.paste(drawing(curves), (left, top + TITLE + k * CELL))
             print(f"{path.stem} {view}: {len(curves)} strokes")
     return out
@@ -63,15 +65,23 @@ def sheet(paths: list[Path], columns: int) -> Image.Image:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("meshes", type=Path)
-    parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent / "contact-sheet.png")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path(__file__).parent / "contact-sheet.png"
+    )
     parser.add_argument("--columns", type=int, default=5)
     args = parser.parse_args()
-    paths = sorted(path for path in args.meshes.iterdir() if path.suffix in (".obj", ".ply", ".stl", ".off", ".glb"))
+    paths = sorted(
+        path
+        for path in args.meshes.iterdir()
+        if path.suffix in (".obj", ".ply", ".stl", ".off", ".glb")
+    )
     if not paths:
         parser.error(f"{args.meshes}: no meshes in it")
     picture = sheet(paths, args.columns).quantize(LEVELS, dither=Image.Dither.NONE)
     picture.save(args.output, optimize=True)
-    print(f"{args.output}: {picture.width} x {picture.height} px, {args.output.stat().st_size / 1000:.0f} kB")
+    print(
+        f"{args.output}: {picture.width} x {picture.height} px, {args.output.stat().st_size / 1000:.0f} kB"
+    )
 
 
 if __name__ == "__main__":

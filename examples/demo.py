@@ -18,7 +18,10 @@ from PIL import Image, ImageChops, ImageDraw, ImageFont
 HERE = Path(__file__).resolve().parent
 SHAPES, DRAWINGS = HERE / "shapes", HERE / "drawings"
 MODEL_SHAPE = SHAPES / "elephant.ply"  # what the drawings show
-TASKS = {"brush": ("teapot", "cloth"), "charcoal": ("hand", "bracket")}  # drawing: shapes to draw in that hand
+TASKS = {
+    "brush": ("teapot", "cloth"),
+    "charcoal": ("hand", "bracket"),
+}  # drawing: shapes to draw in that hand
 INK, GREY = (30, 30, 30), (120, 120, 120)
 
 
@@ -26,7 +29,9 @@ def run(*words: str | Path) -> None:
     """One `strokestyle` command, shown as a user would type it; a failure ends the demo."""
     command = [str(word) for word in words]
     print("$ strokestyle " + " ".join(_short(word) for word in command), flush=True)
-    program = Path(sysconfig.get_path("scripts")) / ("strokestyle.exe" if sys.platform == "win32" else "strokestyle")
+    program = Path(sysconfig.get_path("scripts")) / (
+        "strokestyle.exe" if sys.platform == "win32" else "strokestyle"
+    )
     done = subprocess.run([str(program), *command], check=False)
     if done.returncode:
         sys.exit(done.returncode)
@@ -68,7 +73,10 @@ def overview(out: Path, tile: int = 460) -> Image.Image:
 
 def _trimmed(row: list[Image.Image], margin: int) -> list[Image.Image]:
     """The pictures without the white above and below them all."""
-    boxes = [ImageChops.invert(picture.convert("L")).point(lambda v: 255 * (v > 24)).getbbox() for picture in row]
+    boxes = [
+        ImageChops.invert(picture.convert("L")).point(lambda v: 255 * (v > 24)).getbbox()
+        for picture in row
+    ]
     low = max(0, min(box[1] for box in boxes if box) - margin)
     high = min(row[0].height, max(box[3] for box in boxes if box) + margin)
     return [picture.crop((0, low, picture.width, high)) for picture in row]
@@ -79,12 +87,18 @@ def _on_white(file: Path, tile: int) -> Image.Image:
     with Image.open(file) as image:
         image = image.convert("RGBA")
     paper = Image.new("RGBA", image.size, "white")
-    return Image.alpha_composite(paper, image).convert("RGB").resize((tile, tile), Image.Resampling.LANCZOS)
+    return (
+        Image.alpha_composite(paper, image)
+        .convert("RGB")
+        .resize((tile, tile), Image.Resampling.LANCZOS)
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder to write to (%(default)s)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/demo"), help="folder to write to (%(default)s)"
+    )
     parser.add_argument("--docs", action="store_true", help="also write docs/overview.png")
     arguments = parser.parse_args()
     out, started = arguments.out, time.monotonic()
@@ -98,17 +112,23 @@ def main() -> None:
         print(f"\nThe hand of {_short(str(DRAWINGS / name))}.png:", flush=True)
         model = out / f"{name}.pt"
         run("fit", DRAWINGS / f"{name}.png", MODEL_SHAPE, "-o", model, "--preset", "quick")
-        run("render", model, *(SHAPES / f"{s}.ply" for s in shapes), "-o", f"{out / name}/", "--png")
+        run(
+            "render", model, *(SHAPES / f"{s}.ply" for s in shapes), "-o", f"{out / name}/", "--png"
+        )
 
     picture = overview(out)
     picture.save(out / "overview.png", optimize=True)
     if arguments.docs:
         docs = HERE.parent / "docs" / "overview.png"
         docs.parent.mkdir(exist_ok=True)
-        picture.quantize(128, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(docs, optimize=True)
+        picture.quantize(128, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(
+            docs, optimize=True
+        )
         print(f"\n{_short(str(docs))}")
 
-    print(f"\nDone in {time.monotonic() - started:.0f} s. Drawings, as SVG to edit and PNG to look at:")
+    print(
+        f"\nDone in {time.monotonic() - started:.0f} s. Drawings, as SVG to edit and PNG to look at:"
+    )
     for name, shapes in TASKS.items():
         for shape in shapes:
             print(f"  {out / name / shape}.svg   {out / name / shape}.png")

@@ -17,8 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-Field = Callable[[np.ndarray], np.ndarray]  # points (N, 3) -> signed distance or nearly (N,), negative inside
-Mesh = tuple[np.ndarray, np.ndarray]  # vertices (V, 3) float, faces (F, 3) int, counter-clockwise from outside
+Field = Callable[
+    [np.ndarray], np.ndarray
+]  # points (N, 3) -> signed distance or nearly (N,), negative inside
+Mesh = tuple[
+    np.ndarray, np.ndarray
+]  # vertices (V, 3) float, faces (F, 3) int, counter-clockwise from outside
 
 
 # ---------------------------------------------------------------------------------------------- distances
@@ -44,7 +48,13 @@ def spline(points) -> np.ndarray:
     slope = np.linalg.solve(a, 3.0 * (points[ends[:, 1]] - points[ends[:, 0]]))
     step = np.diff(points, axis=0)
     return np.stack(
-        [points[:-1], slope[:-1], 3 * step - 2 * slope[:-1] - slope[1:], slope[:-1] + slope[1:] - 2 * step], axis=1
+        [
+            points[:-1],
+            slope[:-1],
+            3 * step - 2 * slope[:-1] - slope[1:],
+            slope[:-1] + slope[1:] - 2 * step,
+        ],
+        axis=1,
     )
 
 
@@ -161,13 +171,20 @@ def surface_nets(f: Field, low, high, h, sharp=False) -> Mesh:
     crossings, quads = [], []
     for axis in range(3):
         along, u, v = np.roll(np.eye(3, dtype=int), -axis, axis=0)
-        start, end = (np.take(values, r, axis) for r in (range(values.shape[axis] - 1), range(1, values.shape[axis])))
+        start, end = (
+            np.take(values, r, axis)
+            for r in (range(values.shape[axis] - 1), range(1, values.shape[axis]))
+        )
         at = np.argwhere((start < 0) != (end < 0))
         a, b = start[tuple(at.T)], end[tuple(at.T)]
         crossings.append(origin + h * (at + (a / (a - b))[:, None] * along))
-        cells = np.stack([at, at - u, at - u - v, at - v], axis=1)  # counter-clockwise about the axis
+        cells = np.stack(
+            [at, at - u, at - u - v, at - v], axis=1
+        )  # counter-clockwise about the axis
         cells[b < a] = cells[b < a][:, ::-1]
-        quads.append(np.ravel_multi_index(tuple(cells.reshape(-1, 3).T), values.shape).reshape(-1, 4))
+        quads.append(
+            np.ravel_multi_index(tuple(cells.reshape(-1, 3).T), values.shape).reshape(-1, 4)
+        )
     quads = np.unique(np.concatenate(quads), return_inverse=True)[1].reshape(-1, 4)
     points = np.concatenate(crossings)
     if sharp:
@@ -186,7 +203,9 @@ def sharpen(f: Field, points, quads, h) -> np.ndarray:
     in a corner.
     """
     around = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-    around = 0.15 * h * around * [1.0, 0.87, 0.93]  # no cube: its corners would fall between two faces
+    around = (
+        0.15 * h * around * [1.0, 0.87, 0.93]
+    )  # no cube: its corners would fall between two faces
     count = np.bincount(quads.ravel())
     total = lambda v: np.stack([np.bincount(quads.ravel(), c.repeat(4)) for c in v.T], axis=1)  # noqa: E731
     vertices = total(points) / count[:, None]
@@ -197,11 +216,17 @@ def sharpen(f: Field, points, quads, h) -> np.ndarray:
     pull = total(height[:, None] * n) - np.einsum("vij,vj->vi", square, vertices)
     vertices = vertices + meet(square, pull)[0]
     for step in range(24):
-        reach = 2.0 if step == 0 else 1.0  # the first look takes in edges that pass a cell between its grid edges
+        reach = (
+            2.0 if step == 0 else 1.0
+        )  # the first look takes in edges that pass a cell between its grid edges
         seen = (vertices[:, None] + reach * around).reshape(-1, 3)
         value, n = normal(f, seen)
-        n = (n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)).reshape(-1, len(around), 3)
-        offset = value.reshape(-1, len(around)) - reach * (n * around).sum(2)  # n.x + offset = 0 for x from the vertex
+        n = (n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)).reshape(
+            -1, len(around), 3
+        )
+        offset = value.reshape(-1, len(around)) - reach * (n * around).sum(
+            2
+        )  # n.x + offset = 0 for x from the vertex
         move, free = meet(np.einsum("vai,vaj->vij", n, n), np.einsum("vai,va->vi", n, -offset))
         dimension = np.round(np.trace(free, axis1=1, axis2=2))
         slide = 0.5 * (neighbours_mean(quads, vertices, dimension) - vertices)
@@ -278,7 +303,9 @@ def refine(f: Field, mesh: Mesh, degrees: float, least: float) -> Mesh:
     g /= np.maximum(np.linalg.norm(g, axis=1, keepdims=True), 1e-9)
     bent = (g[edges[:, 0]] * g[edges[:, 1]]).sum(1) < np.cos(np.radians(degrees))
     long = bent & (np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) > least)
-    new = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)[edge_of]  # (F, 3), the vertex on each edge, or -1
+    new = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)[
+        edge_of
+    ]  # (F, 3), the vertex on each edge, or -1
     vertices = np.concatenate([vertices, project(f, vertices[edges[long]].mean(axis=1))])
     count = (new >= 0).sum(axis=1)
     out = [faces[count == 0]]
@@ -290,7 +317,12 @@ def refine(f: Field, mesh: Mesh, degrees: float, least: float) -> Mesh:
     (a, b, c), (ab, bc, ca) = faces[count == 2].T, new[count == 2].T
     out += [np.stack([ab, b, bc], 1), np.stack([a, ab, bc], 1), np.stack([a, bc, c], 1)]
     (a, b, c), (ab, bc, ca) = faces[count == 3].T, new[count == 3].T
-    out += [np.stack([a, ab, ca], 1), np.stack([ab, b, bc], 1), np.stack([ca, bc, c], 1), np.stack([ab, bc, ca], 1)]
+    out += [
+        np.stack([a, ab, ca], 1),
+        np.stack([ab, b, bc], 1),
+        np.stack([ca, bc, c], 1),
+        np.stack([ab, bc, ca], 1),
+    ]
     return vertices, np.concatenate(out)
 
 
@@ -314,7 +346,12 @@ def even_valence(mesh: Mesh, rounds=4) -> Mesh:
         area = np.linalg.norm(cross, axis=1)
         flat = (cross * cross[twin]).sum(1) > 0.9 * area * area[twin]
         across = vertices[d] - vertices[c]
-        two = np.stack([np.cross(vertices[a] - vertices[c], across), np.cross(across, vertices[b] - vertices[c])])
+        two = np.stack(
+            [
+                np.cross(vertices[a] - vertices[c], across),
+                np.cross(across, vertices[b] - vertices[c]),
+            ]
+        )
         convex = ((two * cross).sum(2) > 0.1 * (cross * cross).sum(1)).all(axis=0)
         faces = flip(faces, np.where(flat & convex, before - after, 0.0))
     return vertices, faces
@@ -326,14 +363,21 @@ def open_needles(f: Field, mesh: Mesh, degrees=8.0, rounds=6) -> Mesh:
 
     def least(i, j, k):
         x, y, z = (vertices[n] for n in (i, j, k))
-        u, v, w = (e / np.maximum(np.linalg.norm(e, axis=1, keepdims=True), 1e-12) for e in (y - x, z - y, x - z))
-        return np.degrees(np.arccos(np.clip(-np.stack([u * v, v * w, w * u]).sum(2), -1.0, 1.0))).min(axis=0)
+        u, v, w = (
+            e / np.maximum(np.linalg.norm(e, axis=1, keepdims=True), 1e-12)
+            for e in (y - x, z - y, x - z)
+        )
+        return np.degrees(
+            np.arccos(np.clip(-np.stack([u * v, v * w, w * u]).sum(2), -1.0, 1.0))
+        ).min(axis=0)
 
     for _ in range(rounds):
         a, b, c, d, _ = corners(faces)
         before = np.minimum(least(a, b, c), least(b, a, d))
         after = np.minimum(least(c, d, b), least(d, c, a))
-        away = np.abs(f(0.5 * (vertices[c] + vertices[d]))) / np.linalg.norm(vertices[c] - vertices[d], axis=1)
+        away = np.abs(f(0.5 * (vertices[c] + vertices[d]))) / np.linalg.norm(
+            vertices[c] - vertices[d], axis=1
+        )
         wish = (before < degrees) & (after > 1.5 * before) & (away < 0.05)
         faces = flip(faces, np.where(wish, after - before, 0.0))
     return vertices, faces
@@ -394,12 +438,18 @@ def elephant() -> Mesh:
     girth = np.array([0.115, 0.105, 0.088, 0.074, 0.063, 0.056, 0.05, 0.046, 0.046])
     folds = []  # across the front of the trunk
     for t, wide in ((1.55, 48), (2.05, 62), (2.55, 50), (3.05, 66), (3.6, 52)):
-        (x, y, z, r), (_, dy, dz, _) = (v[0] for v in at(spline(np.column_stack([path, girth])), np.array([t]))[:2])
+        (x, y, z, r), (_, dy, dz, _) = (
+            v[0] for v in at(spline(np.column_stack([path, girth])), np.array([t]))[:2]
+        )
         front = np.array([0.0, dz, -dy]) / np.hypot(dy, dz)
         a = np.radians(np.linspace(-wide, wide, 7) + 14 * np.sin(9 * t))[:, None]
         folds.append([x, y, z] + (r + 0.003) * (np.cos(a) * front + np.sin(a) * [1.0, 0.0, 0.0]))
 
-    eye, out, up = np.array([0.162, 0.074, 0.238]), np.array([0.80, 0.10, 0.59]), np.array([-0.08, 1.0, -0.06])
+    eye, out, up = (
+        np.array([0.162, 0.074, 0.238]),
+        np.array([0.80, 0.10, 0.59]),
+        np.array([-0.08, 1.0, -0.06]),
+    )
     a = np.radians(np.linspace(15, 150, 7))[:, None]
     brow = eye - 0.004 * out + 0.054 * (np.cos(a) * np.cross(up, out) + np.sin(a) * up)
 
@@ -419,7 +469,9 @@ def elephant() -> Mesh:
         for fold in folds:
             trunk = carve(trunk, groove(p, fold, 0.011), k=0.012)
         q = (s - [0.15, 0.10, 0.03]) @ (turn("y", 20) @ turn("z", -10)).T
-        q = q + np.array([0.0, 0.0, 1.0]) * (0.5 * q[:, 1:2] ** 2 - 0.9 * (q[:, :1] - 0.06) ** 2)  # hollow in front
+        q = q + np.array([0.0, 0.0, 1.0]) * (
+            0.5 * q[:, 1:2] ** 2 - 0.9 * (q[:, :1] - 0.06) ** 2
+        )  # hollow in front
         outline = blend(
             ellipsoid(q[:, :2], [0.14, 0.04], [0.16, 0.165]),
             ellipsoid(q[:, :2], [0.11, -0.13], [0.085, 0.12]),
@@ -448,8 +500,15 @@ def elephant() -> Mesh:
             (0.14, -0.26, 0.0, 0.08),
         ):
             foot = np.array([1.04 * x, lift, z + swing])
-            top, knee = np.array([0.9 * x, 0.50, z]), np.array([1.03 * x, 0.27 + lift, z + 0.5 * swing + 0.015])
-            leg = tube(p, [top, knee, foot + [0, 0.11, 0], foot + [0, 0.02, 0]], [0.14, 0.108, 0.095, 0.106])
+            top, knee = (
+                np.array([0.9 * x, 0.50, z]),
+                np.array([1.03 * x, 0.27 + lift, z + 0.5 * swing + 0.015]),
+            )
+            leg = tube(
+                p,
+                [top, knee, foot + [0, 0.11, 0], foot + [0, 0.02, 0]],
+                [0.14, 0.108, 0.095, 0.106],
+            )
             leg = carve(leg, p[:, 1] - foot[1], k=0.03)  # a flat sole
             toes = [
                 ellipsoid(p, foot + [0.1 * np.sin(a), 0.036, 0.1 * np.cos(a)], [0.03, 0.034, 0.022])
@@ -467,11 +526,17 @@ def elephant() -> Mesh:
             ],
             [0.045, 0.03, 0.022, 0.018, 0.016],
         )
-        tuft = tube(p, [(-0.075, 0.44, -0.615), (-0.10, 0.37, -0.655), (-0.11, 0.29, -0.71)], [0.014, 0.04, 0.008])
+        tuft = tube(
+            p,
+            [(-0.075, 0.44, -0.615), (-0.10, 0.37, -0.655), (-0.11, 0.29, -0.71)],
+            [0.014, 0.04, 0.008],
+        )
         out = blend(body, legs[0], legs[1], k=0.07)
         out = blend(out, legs[2], legs[3], k=0.07)
         out = blend(out, blend(tail, tuft, k=0.015), k=0.04)
-        return blend(out, size * near((p - neck) @ nod.T / size, [0.0, 0.0, 0.3], 0.72, head), k=0.06)
+        return blend(
+            out, size * near((p - neck) @ nod.T / size, [0.0, 0.0, 0.3], 0.72, head), k=0.06
+        )
 
     vertices, faces = polygonise(f, [-0.75, -0.03, -0.78], [0.75, 1.2, 1.25], 0.025, degrees=25)
     return vertices @ turn("y", 28), faces
@@ -483,13 +548,25 @@ def hand() -> Mesh:
     def f(p):
         palm = blend(
             ellipsoid(p, [-0.02, 0.02, 0.0], [0.20, 0.25, 0.075], turn("z", 4)),
-            ellipsoid(p, [0.095, -0.06, 0.03], [0.085, 0.155, 0.065], turn("z", 20)),  # the ball of the thumb
+            ellipsoid(
+                p, [0.095, -0.06, 0.03], [0.085, 0.155, 0.065], turn("z", 20)
+            ),  # the ball of the thumb
             ellipsoid(p, [-0.115, -0.05, 0.025], [0.07, 0.17, 0.058]),
-            ellipsoid(p, [0.0, 0.17, 0.02], [0.185, 0.06, 0.055], turn("z", 6)),  # the pads below the fingers
+            ellipsoid(
+                p, [0.0, 0.17, 0.02], [0.185, 0.06, 0.055], turn("z", 6)
+            ),  # the pads below the fingers
             k=0.07,
         )
-        wrist = tube(p, [(0.0, -0.10, -0.01), (0.0, -0.28, -0.02), (-0.01, -0.50, -0.03)], [0.105, 0.092, 0.098])
-        out = blend(palm, blend(wrist, ellipsoid(p, [0.0, -0.27, -0.02], [0.135, 0.22, 0.075]), k=0.08), k=0.14)
+        wrist = tube(
+            p,
+            [(0.0, -0.10, -0.01), (0.0, -0.28, -0.02), (-0.01, -0.50, -0.03)],
+            [0.105, 0.092, 0.098],
+        )
+        out = blend(
+            palm,
+            blend(wrist, ellipsoid(p, [0.0, -0.27, -0.02], [0.135, 0.22, 0.075]), k=0.08),
+            k=0.14,
+        )
         fingers = []
         for root, lean, curl, length, r in (
             ((0.135, 0.20), 9.0, 24.0, 0.36, 0.051),
@@ -506,7 +583,12 @@ def hand() -> Mesh:
             fingers.append(tube(p, points, r * np.array([1.0, 1.06, 1.0, 0.92, 0.78])))
         thumb = tube(
             p,
-            [(0.07, -0.15, 0.03), (0.17, -0.03, 0.055), (0.262, 0.075, 0.075), (0.318, 0.175, 0.075)],
+            [
+                (0.07, -0.15, 0.03),
+                (0.17, -0.03, 0.055),
+                (0.262, 0.075, 0.075),
+                (0.318, 0.175, 0.075),
+            ],
             [0.06, 0.064, 0.056, 0.043],
         )
         out = blend(out, thumb, k=0.05)
@@ -530,7 +612,9 @@ def bracket() -> Mesh:
         return np.hypot(np.maximum(np.abs(a) - reach, 0.0), b) - r
 
     def fillet(a, b, r):  # union with a circular fillet of radius r
-        return np.maximum(np.minimum(a, b), r) - np.hypot(np.maximum(r - a, 0.0), np.maximum(r - b, 0.0))
+        return np.maximum(np.minimum(a, b), r) - np.hypot(
+            np.maximum(r - a, 0.0), np.maximum(r - b, 0.0)
+        )
 
     def f(p):
         x, y, z = p.T
@@ -543,9 +627,13 @@ def bracket() -> Mesh:
         ribs = np.maximum(np.maximum(np.abs(np.abs(x) - 0.19) - 0.04, slope), -0.32 - z)
         out = fillet(fillet(fillet(base, upright, 0.07), ribs, 0.045), boss, 0.045)
         out = np.maximum(out, np.maximum(-0.35 - z, -y))  # flat at the back and below
-        holes = np.minimum(bore - 0.115, np.maximum((bore - 0.115 - z - 0.145) * np.sqrt(0.5), z + 0.10))  # chamfered
+        holes = np.minimum(
+            bore - 0.115, np.maximum((bore - 0.115 - z - 0.145) * np.sqrt(0.5), z + 0.10)
+        )  # chamfered
         bolt = np.hypot(np.abs(x) - 0.45, z - 0.17)
-        holes = np.minimum(holes, np.minimum(bolt - 0.055, np.maximum(bolt - 0.095, 0.07 - y)))  # counterbored
+        holes = np.minimum(
+            holes, np.minimum(bolt - 0.055, np.maximum(bolt - 0.095, 0.07 - y))
+        )  # counterbored
         return np.maximum(out, -np.minimum(holes, slot(x, z - 0.30, 0.10, 0.045)))
 
     mesh = surface_nets(f, [-0.6513, -0.0531, -0.3987], [0.65, 0.9, 0.50], 0.0197, sharp=True)
@@ -602,9 +690,13 @@ def teapot() -> Mesh:
 
     def bernstein(t):
         t = np.asarray(t, float)[..., None]
-        return np.concatenate([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=-1)
+        return np.concatenate(
+            [(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=-1
+        )
 
-    def arc(turns):  # the quarter of a circle as the control points draw it: radius 1 only at its ends
+    def arc(
+        turns,
+    ):  # the quarter of a circle as the control points draw it: radius 1 only at its ends
         quarter, t = np.divmod(4.0 * turns, 1.0)
         x, y = (bernstein(t) @ np.array([[1.0, 0.0], [1.0, 0.56], [0.56, 1.0], [0.0, 1.0]])).T
         c, s = np.round(np.cos(0.5 * np.pi * quarter)), np.round(np.sin(0.5 * np.pi * quarter))
@@ -613,7 +705,9 @@ def teapot() -> Mesh:
     def tube_at(rows, u, v):  # u along the tube in 0..2, v round it in 0..1
         piece = np.minimum(u.astype(int), 1)
         half = np.where(v < 0.5, 2.0 * v, 2.0 - 2.0 * v)
-        p = np.einsum("na,nabk,nb->nk", bernstein(u - piece), np.array(rows, float)[piece], bernstein(half))
+        p = np.einsum(
+            "na,nabk,nb->nk", bernstein(u - piece), np.array(rows, float)[piece], bernstein(half)
+        )
         p[v > 0.5, 1] *= -1.0
         return p
 
@@ -621,18 +715,24 @@ def teapot() -> Mesh:
 
     def outside(p):  # of the body, in its radius at that height
         turns = np.arctan2(p[:, 1], p[:, 0]) / (2 * np.pi) % 1.0
-        return np.hypot(p[:, 0], p[:, 1]) / np.hypot(*arc(turns).T) - np.interp(p[:, 2], fine[:, 1], fine[:, 0])
+        return np.hypot(p[:, 0], p[:, 1]) / np.hypot(*arc(turns).T) - np.interp(
+            p[:, 2], fine[:, 1], fine[:, 0]
+        )
 
     def body() -> Mesh:
         size = 0.105
         line = [profile[0][0]]
         for c in profile:
-            length = np.linalg.norm(np.diff(bernstein(np.linspace(0, 1, 50)) @ c, axis=0), axis=1).sum()
+            length = np.linalg.norm(
+                np.diff(bernstein(np.linspace(0, 1, 50)) @ c, axis=0), axis=1
+            ).sum()
             count = max(int(round(length / size)), 5)
             line += list(bernstein(np.arange(1, count + 1) / count) @ c)
         rings = []
         for r, z in line:
-            sides = 4 * max(int(2 ** np.round(np.log2(2 * np.pi * r / size / 4))), 1) if r > 1e-9 else 1
+            sides = (
+                4 * max(int(2 ** np.round(np.log2(2 * np.pi * r / size / 4))), 1) if r > 1e-9 else 1
+            )
             rings.append(np.column_stack([r * arc(np.arange(sides) / sides), np.full(sides, z)]))
         return loft(rings)
 
@@ -663,9 +763,15 @@ def loft(rings: list[np.ndarray]) -> Mesh:
         ia, ib = start + k * n // max(n, m), start + n + k * m // max(n, m)
         ja, jb = start + (k + 1) * n // max(n, m) % n, start + n + (k + 1) * m // max(n, m) % m
         if n == m:  # along the shorter diagonal
-            short = np.linalg.norm(a - np.roll(b, -1, axis=0), axis=1) <= np.linalg.norm(np.roll(a, -1, 0) - b, axis=1)
-            faces += [np.where(short[:, None], np.stack([ia, ib, jb], 1), np.stack([ia, ib, ja], 1))]
-            faces += [np.where(short[:, None], np.stack([ia, jb, ja], 1), np.stack([ja, ib, jb], 1))]
+            short = np.linalg.norm(a - np.roll(b, -1, axis=0), axis=1) <= np.linalg.norm(
+                np.roll(a, -1, 0) - b, axis=1
+            )
+            faces += [
+                np.where(short[:, None], np.stack([ia, ib, jb], 1), np.stack([ia, ib, ja], 1))
+            ]
+            faces += [
+                np.where(short[:, None], np.stack([ia, jb, ja], 1), np.stack([ja, ib, jb], 1))
+            ]
         else:
             both = np.concatenate([np.stack([ia, ib, jb], 1), np.stack([ia, jb, ja], 1)])
             faces.append(both[(both != np.roll(both, 1, axis=1)).all(axis=1)])
@@ -681,13 +787,24 @@ def cloth() -> Mesh:
     grid = np.stack([*np.meshgrid(u, u, indexing="ij")], axis=-1)
     c, s = np.cos(0.35), np.sin(0.35)
     x = np.stack(
-        [c * grid[..., 0] - s * grid[..., 1] + 0.10, np.full((n, n), 0.02), s * grid[..., 0] + c * grid[..., 1] + 0.05],
+        [
+            c * grid[..., 0] - s * grid[..., 1] + 0.10,
+            np.full((n, n), 0.02),
+            s * grid[..., 0] + c * grid[..., 1] + 0.05,
+        ],
         axis=-1,
     )
     x[..., 1] += 0.01 * np.sin(3.0 * grid[..., 0] + 1.0) * np.cos(2.0 * grid[..., 1])
     speed, dt, edge = np.zeros_like(x), 1 / 60, side / (n - 1)
     links = []  # (rows a, rows b, length, stiffness), in groups that share no mass
-    for di, dj, stiff in ((1, 0, 1.0), (0, 1, 1.0), (1, 1, 0.35), (1, -1, 0.35), (2, 0, 0.12), (0, 2, 0.12)):
+    for di, dj, stiff in (
+        (1, 0, 1.0),
+        (0, 1, 1.0),
+        (1, 1, 0.35),
+        (1, -1, 0.35),
+        (2, 0, 0.12),
+        (0, 2, 0.12),
+    ):
         i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
         inside = (i + di < n) & (0 <= j + dj) & (j + dj < n)
         i, j = i[inside], j[inside]
@@ -727,7 +844,9 @@ def spline_surface(net: np.ndarray, count: int) -> np.ndarray:
         i = np.minimum(t.astype(int), n - 2)
         t = t - i
         w = np.zeros((count, n + 2))  # the net is continued straight past its edges
-        for k, b in enumerate([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 3 * (t + t * t - t**3) + 1, t**3]):
+        for k, b in enumerate(
+            [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 3 * (t + t * t - t**3) + 1, t**3]
+        ):
             w[np.arange(count), i + k] = b / 6
         w[:, 1] += 2 * w[:, 0]
         w[:, 2] -= w[:, 0]

@@ -12,7 +12,11 @@ import time
 from demo import DRAWINGS, HERE, MODEL_SHAPE, SHAPES, run
 from PIL import Image
 
-TASKS = {"watercolour": "hand", "charcoal": "elephant", "brush": "teapot"}  # drawing: the shape drawn in that hand
+TASKS = {
+    "watercolour": "hand",
+    "charcoal": "elephant",
+    "brush": "teapot",
+}  # drawing: the shape drawn in that hand
 
 
 def main() -> None:

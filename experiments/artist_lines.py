@@ -20,11 +20,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from strokestyle.extract.camera import Camera
-from strokestyle.extract.view import extract
+from strokestyle.extract.pipeline import extract_view
 from strokestyle.geometry.curves import KINDS, resample
 from strokestyle.mesh.surface import load_surface
-from strokestyle.render.style import surface_at
-from strokestyle.svg.read_curves import load_curves
+from strokestyle.render.curve_file import load_curves
+from strokestyle.render.features import surface_at
 
 NEAR = 2.0  # px
 FIELDS = ("depth", "ndotv", "curvature", "nx", "ny")  # the artist's names for style.SURFACE
@@ -41,7 +41,10 @@ def for_artist(view, spacing=3.0) -> dict:
         "step": spacing,
         "curves": [curves.xy[part].round(2).tolist() for part in parts],
         "kinds": [KIND[KINDS[k]] for k in curves.kind],
-        "fields": {n: [c[part].round(5).tolist() for part in parts] for n, c in zip(FIELDS, surface.T, strict=True)},
+        "fields": {
+            n: [c[part].round(5).tolist() for part in parts]
+            for n, c in zip(FIELDS, surface.T, strict=True)
+        },
     }
 
 
@@ -52,8 +55,12 @@ def found(these, those) -> float:
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("shared", type=Path, nargs="?", default=os.environ.get("STROKESTYLE_SHARED"))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "shared", type=Path, nargs="?", default=os.environ.get("STROKESTYLE_SHARED")
+    )
     parser.add_argument("out", type=Path)
     parser.add_argument("--shapes", default="bunny,cow,fandisk")
     parser.add_argument("--seed", type=int, default=4242)
@@ -65,10 +72,13 @@ def main():
     for shape in args.shapes.split(","):
         folder = shared / "shapes" / shape
         camera = Camera.load(folder / "camera.json")
-        view = extract(load_surface(folder / "mesh.obj"), camera)
+        view = extract_view(load_surface(folder / "mesh.obj"), camera)
         given = load_curves(folder / "curves.json", (camera.width, camera.height))
         there, here = found(given, view.curves), found(view.curves, given)
-        print(f"{shape}: {there:.0%} of the given lines are among ours, {here:.0%} of ours among them", flush=True)
+        print(
+            f"{shape}: {there:.0%} of the given lines are among ours, {here:.0%} of ours among them",
+            flush=True,
+        )
         (lines / f"{shape}.json").write_text(json.dumps(for_artist(view)))
     artist = shared / "artist"
     for style in json.loads((artist / "styles.json").read_text()):
@@ -76,8 +86,16 @@ def main():
             target = args.out / "drawings" / style / f"{path.stem}.png"
             target.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(dir=args.out) as made:
-                command = [sys.executable, artist / "artist.py", path, f"{artist}/styles.json:{style}", made]
-                subprocess.run([*command, "--seed", str(args.seed)], check=True, stdout=subprocess.DEVNULL)
+                command = [
+                    sys.executable,
+                    artist / "artist.py",
+                    path,
+                    f"{artist}/styles.json:{style}",
+                    made,
+                ]
+                subprocess.run(
+                    [*command, "--seed", str(args.seed)], check=True, stdout=subprocess.DEVNULL
+                )
                 (Path(made) / "drawing.png").replace(target)
 
 

@@ -16,38 +16,50 @@ import time
 from pathlib import Path
 
 from strokestyle.extract.camera import Camera
-from strokestyle.extract.view import extract, view_of
+from strokestyle.extract.pipeline import extract_view, view_of_curves
 from strokestyle.files import write_bytes
 from strokestyle.fit.exemplar import load_exemplar
-from strokestyle.fit.train import PRESETS, fit
+from strokestyle.fit.train import PRESETS, fit_style
 from strokestyle.mesh.surface import load_surface
-from strokestyle.render.style import load_style, save_style
-from strokestyle.svg.read_curves import load_curves
+from strokestyle.render.curve_file import load_curves
+from strokestyle.render.style_file import load_style, save_style
 from strokestyle.svg.write import png_from_svg, write_svg, write_text
 
 
 def shape_view(folder: Path, own_lines: bool):
     surface, camera = load_surface(folder / "mesh.obj"), Camera.load(folder / "camera.json")
     if own_lines:
-        return extract(surface, camera)
-    return view_of(surface, camera, load_curves(folder / "curves.json", (camera.width, camera.height)))
+        return extract_view(surface, camera)
+    return view_of_curves(
+        surface, camera, load_curves(folder / "curves.json", (camera.width, camera.height))
+    )
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("shared", type=Path, nargs="?", default=os.environ.get("STROKESTYLE_SHARED"))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "shared", type=Path, nargs="?", default=os.environ.get("STROKESTYLE_SHARED")
+    )
     parser.add_argument("out", type=Path)
     parser.add_argument("--preset", choices=list(PRESETS), default="standard")
     parser.add_argument("--styles", help="comma-separated; all by default")
     parser.add_argument("--train", default="spot")
-    parser.add_argument("--own-lines", action="store_true", help="our own feature curves instead of curves.json")
+    parser.add_argument(
+        "--own-lines", action="store_true", help="our own feature curves instead of curves.json"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--device", default="auto")
     args = parser.parse_args()
     if args.shared is None:
         parser.error("give SHARED or set STROKESTYLE_SHARED")
     shared = Path(args.shared)
-    names = args.styles.split(",") if args.styles else sorted(p.name for p in (shared / "styles").iterdir())
+    names = (
+        args.styles.split(",")
+        if args.styles
+        else sorted(p.name for p in (shared / "styles").iterdir())
+    )
     views = {}
 
     def view(shape):
@@ -69,7 +81,14 @@ def main():
                 train.curves.xy,
             )
             start = time.perf_counter()
-            style = fit(train, exemplar, PRESETS[args.preset], seed=args.seed, device=args.device, source=name)
+            style = fit_style(
+                train,
+                exemplar,
+                PRESETS[args.preset],
+                seed=args.seed,
+                device=args.device,
+                source=name,
+            )
             row["fit"] = round(time.perf_counter() - start, 2)
             save_style(model, style)
         style = load_style(model, args.device)

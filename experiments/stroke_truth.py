@@ -22,16 +22,22 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from strokestyle.extract.camera import Camera
-from strokestyle.extract.view import view_of
+from strokestyle.extract.pipeline import view_of_curves
 from strokestyle.fit.exemplar import load_exemplar
-from strokestyle.fit.train import PRESETS, learn
+from strokestyle.fit.learn import fit_quick
+from strokestyle.fit.train import PRESETS
 from strokestyle.geometry.curves import resample
 from strokestyle.mesh.surface import load_surface
-from strokestyle.svg.read_curves import load_curves
+from strokestyle.render.curve_file import load_curves
 
 NEAR = 8.0  # px; where ours is farther off, no stroke of ours stands for the drawn one
 STEP = 0.25  # px between the points that stand for a line
-INK_LED = ("brushpen_swell", "comic_outline", "dip_pen_nervous", "pen_shadow_side")  # width is pressure, not opacity
+INK_LED = (
+    "brushpen_swell",
+    "comic_outline",
+    "dip_pen_nervous",
+    "pen_shadow_side",
+)  # width is pressure, not opacity
 
 
 def truth_points(path: Path):
@@ -40,7 +46,11 @@ def truth_points(path: Path):
     for stroke in json.loads(path.read_text())["strokes"]:
         on_curve = np.array([source is not None for source in stroke["src"]])
         rows = zip(stroke["xy"], stroke["width"], stroke["ink"], strict=True)
-        columns += [[*xy, w, k] for (xy, w, k), here in zip(rows, on_curve, strict=True) if here and w is not None]
+        columns += [
+            [*xy, w, k]
+            for (xy, w, k), here in zip(rows, on_curve, strict=True)
+            if here and w is not None
+        ]
     table = np.array(columns, float)
     return table[:, :2], table[:, 2], table[:, 3]
 
@@ -53,8 +63,12 @@ def nearest(lines, points):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("shared", type=Path, nargs="?", default=os.environ.get("STROKESTYLE_SHARED"))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "shared", type=Path, nargs="?", default=os.environ.get("STROKESTYLE_SHARED")
+    )
     parser.add_argument("--shape", default="spot")
     parser.add_argument("--styles", help="comma-separated; all by default")
     parser.add_argument("--preset", choices=("quick", "standard"), default="standard")
@@ -64,17 +78,20 @@ def main():
     folder = Path(args.shared) / "shapes" / args.shape
     camera = Camera.load(folder / "camera.json")
     curves = load_curves(folder / "curves.json", (camera.width, camera.height))
-    view = view_of(load_surface(folder / "mesh.obj"), camera, curves)
+    view = view_of_curves(load_surface(folder / "mesh.obj"), camera, curves)
     styles = Path(args.shared) / "styles"
     names = args.styles.split(",") if args.styles else sorted(p.name for p in styles.iterdir())
     config = replace(PRESETS[args.preset], texture=False)
     print(f"{'':22s} |    width: r    |     ink: r     | distance to the drawn line, px")
     print(f"{'on ' + args.shape:22s} |  style  traced |  style  traced |  plain  style traced")
     for name in names:
-        drawing, truth = styles / name / args.shape / "drawing.png", styles / name / args.shape / "truth.json"
+        drawing, truth = (
+            styles / name / args.shape / "drawing.png",
+            styles / name / args.shape / "truth.json",
+        )
         xy, width, ink = truth_points(truth)
         exemplar, _ = load_exemplar(drawing, camera.width, camera.height, curves.xy)
-        style, traced = learn(view, exemplar, config)
+        style, traced = fit_quick(view, exemplar, config)
         meant = replace(style, hand=None).strokes(view)[0]
         numbers = {"width": [], "ink": [], "distance": [np.median(nearest(curves, xy)[0])]}
         for strokes in (meant, traced):
@@ -86,7 +103,9 @@ def main():
             numbers["distance"].append(np.median(off))
         cells = [" ".join(f"{value:7.3f}" for value in numbers[key]) for key in ("width", "ink")]
         cells.append(" ".join(f"{value:6.2f}" for value in numbers["distance"]))
-        print(f"{name:22s} |{' |'.join(cells)}   {'ink-led' if name in INK_LED else ''}", flush=True)
+        print(
+            f"{name:22s} |{' |'.join(cells)}   {'ink-led' if name in INK_LED else ''}", flush=True
+        )
 
 
 if __name__ == "__main__":

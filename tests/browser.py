@@ -13,8 +13,14 @@ import tempfile
 import time
 from pathlib import Path
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-WHY_NOT = "needs chromium on a system with Unix pipes" if CHROMIUM is None or sys.platform == "win32" else None
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+WHY_NOT = (
+    "needs chromium on a system with Unix pipes"
+    if CHROMIUM is None or sys.platform == "win32"
+    else None
+)
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
     "--disable-background-networking", "--disable-component-update", "--disable-extensions", "--disable-dev-shm-usage",
@@ -54,7 +60,9 @@ class Browser:
         os.close(write)
         self.number, self.buffer, self.session, self.events = 0, b"", None, []
         target = next(t for t in self.wait_for(self._targets) if t["type"] == "page")["targetId"]
-        self.session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self.session = self.send("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.send(f"{domain}.enable")
         session, self.session = self.session, None
@@ -114,13 +122,22 @@ class Browser:
 
     def run(self, script: str):
         """The value of a JavaScript expression in the page; a promise is waited for."""
-        result = self.send("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        result = self.send(
+            "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
+        )
         if "exceptionDetails" in result:
             details = result["exceptionDetails"]
             raise RuntimeError(details.get("exception", {}).get("description", details["text"]))
         return result["result"].get("value")
 
-    def open(self, path: str | Path, width: int = 1280, height: int = 800, dark: bool = False, density: float = 1.0):
+    def open(
+        self,
+        path: str | Path,
+        width: int = 1280,
+        height: int = 800,
+        dark: bool = False,
+        density: float = 1.0,
+    ):
         """Open a file and wait until it is ready, as its root element's `data-ready` says."""
         self.events.clear()
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
@@ -133,11 +150,15 @@ class Browser:
     def mouse(self, kind: str, x: float, y: float, **more):
         button = "left" if more.pop("down", kind != "mouseMoved") else "none"
         count = 0 if kind == "mouseMoved" or kind == "mouseWheel" else 1
-        self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=count, **more)
+        self.send(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=count, **more
+        )
 
     def frame(self):
         """Wait until what happened so far is painted."""
-        self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done())))")
+        self.run(
+            "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done())))"
+        )
 
     def click(self, x: float, y: float):
         self.mouse("mouseMoved", x, y)
@@ -150,7 +171,9 @@ class Browser:
         self.mouse("mousePressed", *start)
         for k in range(1, steps + 1):
             f = k / steps
-            self.mouse("mouseMoved", *(a + f * (b - a) for a, b in zip(start, end, strict=True)), down=True)
+            self.mouse(
+                "mouseMoved", *(a + f * (b - a) for a, b in zip(start, end, strict=True)), down=True
+            )
         self.mouse("mouseReleased", *end)
         self.frame()
 
@@ -173,11 +196,23 @@ class Browser:
                 out.append(details.get("exception", {}).get("description", details["text"]))
             elif kind == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):
                 out.append(params["entry"]["text"])
-            elif kind == "Runtime.consoleAPICalled" and params["type"] in ("error", "warning", "assert"):
-                out.append(" ".join(str(arg.get("value", arg.get("description"))) for arg in params["args"]))
+            elif kind == "Runtime.consoleAPICalled" and params["type"] in (
+                "error",
+                "warning",
+                "assert",
+            ):
+                out.append(
+                    " ".join(
+                        str(arg.get("value", arg.get("description"))) for arg in params["args"]
+                    )
+                )
         return out
 
     def requests(self) -> list[str]:
         """The addresses that the page asked for."""
-        sent = (e["params"]["request"]["url"] for e in self.events if e.get("method") == "Network.requestWillBeSent")
+        sent = (
+            e["params"]["request"]["url"]
+            for e in self.events
+            if e.get("method") == "Network.requestWillBeSent"
+        )
         return list(sent)

@@ -23,7 +23,9 @@ class Shape:
 
 def grid(rows, columns, close_rows=False, close_columns=False):
     """Faces of a rows x columns grid of vertices, row by row; diagonals alternate."""
-    i, j = np.meshgrid(np.arange(rows - (not close_rows)), np.arange(columns - (not close_columns)), indexing="ij")
+    i, j = np.meshgrid(
+        np.arange(rows - (not close_rows)), np.arange(columns - (not close_columns)), indexing="ij"
+    )
     i, j = i.ravel(), j.ravel()
     a, b = i * columns + j, i * columns + (j + 1) % columns
     c, d = (i + 1) % rows * columns + (j + 1) % columns, (i + 1) % rows * columns + j
@@ -47,7 +49,9 @@ def sphere(level=3, radius=1.0):
         ab, bc, ca = len(v) + middle.reshape(3, -1)
         v = np.concatenate([v, v[unique].sum(axis=1)])
         a, b, c = f.T
-        f = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+        f = np.concatenate(
+            [np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+        )
         v = v / np.linalg.norm(v, axis=1, keepdims=True)
     v = v / np.linalg.norm(v, axis=1, keepdims=True)
     k = np.full(len(v), 1.0 / radius)
@@ -56,7 +60,11 @@ def sphere(level=3, radius=1.0):
 
 def torus(big=1.0, small=0.4, around=96, across=48):
     """About the y axis. The larger curvature, 1 / small, runs round the tube."""
-    a, t = np.meshgrid(np.arange(around) / around * 2 * np.pi, np.arange(across) / across * 2 * np.pi, indexing="ij")
+    a, t = np.meshgrid(
+        np.arange(around) / around * 2 * np.pi,
+        np.arange(across) / across * 2 * np.pi,
+        indexing="ij",
+    )
     a, t = a.ravel(), t.ravel()
     outward = np.stack([np.cos(a), np.zeros_like(a), np.sin(a)], 1)
     up = np.array([0.0, 1.0, 0.0])
@@ -64,12 +72,21 @@ def torus(big=1.0, small=0.4, around=96, across=48):
     vertices = big * outward + small * normals
     tube = -np.sin(t)[:, None] * outward + np.cos(t)[:, None] * up
     faces = grid(around, across, True, True)[:, ::-1]
-    return Shape(vertices, faces, normals, np.full(len(a), 1 / small), np.cos(t) / (big + small * np.cos(t)), tube)
+    return Shape(
+        vertices,
+        faces,
+        normals,
+        np.full(len(a), 1 / small),
+        np.cos(t) / (big + small * np.cos(t)),
+        tube,
+    )
 
 
 def cylinder(radius=0.5, height=2.0, around=64, rows=33):
     """Open, about the y axis."""
-    a, y = np.meshgrid(np.arange(around) / around * 2 * np.pi, np.linspace(-0.5, 0.5, rows) * height)
+    a, y = np.meshgrid(
+        np.arange(around) / around * 2 * np.pi, np.linspace(-0.5, 0.5, rows) * height
+    )
     a, y = a.ravel(), y.ravel()
     normals = np.stack([np.cos(a), np.zeros_like(a), np.sin(a)], 1)
     vertices = radius * normals + np.stack([0 * y, y, 0 * y], 1)
@@ -86,7 +103,9 @@ def height_field(z, first, second, size=1.0, n=41):
     w = np.sqrt(1.0 + p * p + q * q)
     one = np.zeros((len(x), 2, 2))
     one[:, 0, 0], one[:, 0, 1], one[:, 1, 0], one[:, 1, 1] = 1 + p * p, p * q, p * q, 1 + q * q
-    two = -np.stack([np.stack([r, s], 1), np.stack([s, t], 1)], 1) / w[:, None, None]  # convex towards +z: positive
+    two = (
+        -np.stack([np.stack([r, s], 1), np.stack([s, t], 1)], 1) / w[:, None, None]
+    )  # convex towards +z: positive
     k, directions = np.linalg.eig(np.linalg.solve(one, two))
     k, directions = k.real, directions.real
     order = np.argsort(-np.abs(k), axis=1)
@@ -149,7 +168,9 @@ def cube(n=2):
 
 def moebius(around=40, across=5):
     """Not orientable."""
-    a, t = np.meshgrid(np.arange(around) / around * 2 * np.pi, np.linspace(-0.3, 0.3, across), indexing="ij")
+    a, t = np.meshgrid(
+        np.arange(around) / around * 2 * np.pi, np.linspace(-0.3, 0.3, across), indexing="ij"
+    )
     r = 1 + t * np.cos(a / 2)
     vertices = np.stack([r * np.cos(a), r * np.sin(a), t * np.sin(a / 2)], -1).reshape(-1, 3)
     faces = grid(around, across)
@@ -166,14 +187,19 @@ def wheel(spokes=5):
         rod, a = cylinder(0.05, 0.7, 12, 9), 2 * np.pi * k / spokes
         turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
         parts[f"spoke {k + 1}"] = Shape((rod.vertices + [0, 0.55, 0]) @ turn.T, rod.faces)
-    return {name: Shape(s.vertices @ turned if name == "tire" else s.vertices, s.faces) for name, s in parts.items()}
+    return {
+        name: Shape(s.vertices @ turned if name == "tire" else s.vertices, s.faces)
+        for name, s in parts.items()
+    }
 
 
 def obj_text(parts):
     """{name: Shape} as a Wavefront OBJ file, an object each; "" is none, which can be but the first."""
     lines, done = [], 1
     for name, shape in parts.items():
-        lines += [f"o {name}"] * bool(name) + ["v {:.6f} {:.6f} {:.6f}".format(*v) for v in shape.vertices]
+        lines += [f"o {name}"] * bool(name) + [
+            "v {:.6f} {:.6f} {:.6f}".format(*v) for v in shape.vertices
+        ]
         lines += ["f {} {} {}".format(*(f + done)) for f in shape.faces]
         done += len(shape.vertices)
     return "\n".join(lines) + "\n"

@@ -22,19 +22,33 @@ def drawing(count=12, texture=None, seed=0):
         xy.append(line)
         width.append(rng.uniform(2, 9) * np.sin(np.pi * np.clip(t, 0.02, 0.98)) ** 0.5)
         n = 2 * int(np.hypot(*np.diff(line, axis=0).T).sum() + 10)
-        strip = rng.random((n, 20, 4)) if texture == "colours" else np.tile([0.1, 0.1, 0.3, 1.0], (n, 20, 1))
+        strip = (
+            rng.random((n, 20, 4))
+            if texture == "colours"
+            else np.tile([0.1, 0.1, 0.3, 1.0], (n, 20, 1))
+        )
         noise = rng.random((n // 6 + 1, 5)).repeat(6, 0)[:n].repeat(4, 1)
         strip[..., 3] = noise * (np.abs((2 * np.arange(20) + 1) / 20 - 1) < 0.7)
         if texture == "colours":
-            strip[..., :3] = strip[:1, :1, :3] * 0.5 + 0.5 * t[np.arange(n) * 23 // n][:, None, None]
+            strip[..., :3] = (
+                strip[:1, :1, :3] * 0.5 + 0.5 * t[np.arange(n) * 23 // n][:, None, None]
+            )
         rows.append(np.rint(255 * strip).astype(np.uint8))
     offsets = 24 * np.arange(count + 1)
     kind = rng.choice([KINDS.index(k) for k in ("contour", "valley", "crease")], count)
-    strokes = Strokes(np.concatenate(xy), np.concatenate(width), offsets, kind, np.zeros(count, bool))
+    strokes = Strokes(
+        np.concatenate(xy), np.concatenate(width), offsets, kind, np.zeros(count, bool)
+    )
     color = np.concatenate([rng.random((count, 3)), rng.uniform(0.4, 1, (count, 1))], axis=1)
-    strips = Texture(np.concatenate(rows), np.cumsum([0] + [len(r) for r in rows]), 2.0) if texture else None
+    strips = (
+        Texture(np.concatenate(rows), np.cumsum([0] + [len(r) for r in rows]), 2.0)
+        if texture
+        else None
+    )
     return Drawing(strokes, (160, 120), color, strips)
 
 
 def rendered(text, scale=1.0):
-    return np.asarray(Image.open(io.BytesIO(png_from_svg(text, scale))).convert("RGB")).astype(float)
+    return np.asarray(Image.open(io.BytesIO(png_from_svg(text, scale))).convert("RGB")).astype(
+        float
+    )

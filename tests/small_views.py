@@ -7,7 +7,13 @@ import numpy as np
 from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.strokes import Drawing, Strokes
 from strokestyle.extract.camera import Camera
-from strokestyle.extract.view import NORMAL_MAPS, PAPER_MAPS, FeatureMaps, View, plain_raster
+from strokestyle.extract.feature_maps import (
+    NEURAL_STROKES_MAPS,
+    NORMAL_MAPS,
+    FeatureMaps,
+    plain_raster,
+)
+from strokestyle.extract.view import View
 from strokestyle.fit.exemplar import separate
 from strokestyle.fit.train import PRESETS
 from strokestyle.geometry.curves import Curves
@@ -18,11 +24,17 @@ SIZE = 96
 def a_view():
     """A wavy line and a straight one over flat maps."""
     x = np.linspace(10, 86, 26)
-    curves = Curves.from_list([np.stack([x, 30 + 5 * np.sin(x / 8)], 1), np.stack([x, np.full(26, 70.0)], 1)], [0, 2])
+    curves = Curves.from_list(
+        [np.stack([x, 30 + 5 * np.sin(x / 8)], 1), np.stack([x, np.full(26, 70.0)], 1)], [0, 2]
+    )
     maps = np.ones((11, SIZE, SIZE), np.float32) * 0.5
     maps[-1] = plain_raster(curves, SIZE, SIZE)
-    names = (*PAPER_MAPS, *NORMAL_MAPS, "plain")
-    return View(Camera([0, 0, 3], [0, 0, 0], [0, 1, 0], 30, SIZE, SIZE), curves, FeatureMaps(names, maps, maps[0] > 0))
+    names = (*NEURAL_STROKES_MAPS, *NORMAL_MAPS, "plain")
+    return View(
+        Camera([0, 0, 3], [0, 0, 0], [0, 1, 0], 30, SIZE, SIZE),
+        curves,
+        FeatureMaps(names, maps, maps[0] > 0),
+    )
 
 
 def a_drawing(view, thickness=5.0):
@@ -34,5 +46,11 @@ def a_drawing(view, thickness=5.0):
 
 
 TINY = replace(
-    PRESETS["paper"], patches=(64,), batch=2, geometry_steps=3, geometry_decay=1, texture_steps=2, texture_decay=1
+    PRESETS["paper"],
+    patches=(64,),
+    batch=2,
+    geometry_steps=3,
+    geometry_decay=1,
+    texture_steps=2,
+    texture_decay=1,
 )

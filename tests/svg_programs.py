@@ -50,7 +50,9 @@ def small(texture: str | None) -> Drawing:
     widths.append(2 + np.cos(angle))
     offsets = np.cumsum([0] + [len(line) for line in lines])
     kind = [KINDS.index(name) for name in KIND]
-    strokes = Strokes(np.concatenate(lines), np.concatenate(widths), offsets, kind, [False] * 4 + [True])
+    strokes = Strokes(
+        np.concatenate(lines), np.concatenate(widths), offsets, kind, [False] * 4 + [True]
+    )
     color = np.tile([26 / 255, 40 / 255, 77 / 255, 0.8], (5, 1))
     if texture is None:
         return Drawing(strokes, (120, 100), color)
@@ -64,7 +66,8 @@ def small(texture: str | None) -> Drawing:
 
 
 NAMES = tuple(
-    part_name(name) for name in ("\"><script>&amp;'", "Räder, \u65e5\u672c \U0001f58c", "left ridge", 500 * "x")
+    part_name(name)
+    for name in ("\"><script>&amp;'", "Räder, \u65e5\u672c \U0001f58c", "left ridge", 500 * "x")
 )
 
 
@@ -87,7 +90,10 @@ def by_hand(source: Path, target: Path) -> bool:
     if not shutil.which("inkscape"):
         return False
     command = ["inkscape", str(source), f"--actions={BY_HAND.format(target)}"]
-    return subprocess.run(command, capture_output=True, timeout=120).returncode == 0 and target.exists()
+    return (
+        subprocess.run(command, capture_output=True, timeout=120).returncode == 0
+        and target.exists()
+    )
 
 
 def main():

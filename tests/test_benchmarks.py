@@ -8,17 +8,17 @@ import pytest
 import shapes
 
 from strokestyle.extract.camera import fit_camera
-from strokestyle.extract.rays import Scene
-from strokestyle.extract.segments import LineOptions
+from strokestyle.extract.line_options import LineOptions
+from strokestyle.extract.rays import Bvh
 from strokestyle.geometry.curves import Curves
 from strokestyle.mesh.surface import make_surface
 
 ROOT = Path(__file__).parent.parent
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "docs")]
 
-import contact_sheet  # noqa: E402
-import lines  # noqa: E402
-import sight  # noqa: E402
+import contact_sheet
+import lines
+import sight
 
 T = np.linspace(0.0, 100.0, 60)[:, None]
 LINE = np.hstack([T, 0 * T]) + 50.0
@@ -50,7 +50,10 @@ def test_a_fold_is_doubled_and_a_ring_is_not():
 
 def test_covered_length():
     segment = np.array([[[0.0, 0, 0], [0.1, 0, 0]]])
-    assert lines.covered(segment, segment + [0, 9e-5, 0]) == 1 and lines.covered(segment, segment + [0, 2e-4, 0]) == 0
+    assert (
+        lines.covered(segment, segment + [0, 9e-5, 0]) == 1
+        and lines.covered(segment, segment + [0, 2e-4, 0]) == 0
+    )
     assert lines.covered(segment, 0.5 * segment) == pytest.approx(0.5, abs=0.01)
     assert lines.covered(0.5 * segment, segment) == 1 and lines.covered(segment[:0], segment) == 1
 
@@ -81,9 +84,11 @@ def test_crossings_against_every_triangle():
             if u >= 0 and v >= 0 and u + v <= 1 and 0 < t < 1:
                 expected[i, j] = (1 - t) * np.linalg.norm(target - eye)
     assert len(expected) > 50
-    assert dict(zip(zip(found.target.tolist(), found.triangle.tolist(), strict=True), found.gap, strict=True)) == (
-        pytest.approx(expected)
-    )
+    assert dict(
+        zip(
+            zip(found.target.tolist(), found.triangle.tolist(), strict=True), found.gap, strict=True
+        )
+    ) == (pytest.approx(expected))
 
 
 @pytest.mark.parametrize("road", [sight.by_rule, sight.by_curved_faces, sight.by_mesh])
@@ -96,7 +101,7 @@ def test_roads_agree_on_a_ball_behind_a_ball(road):
     truth, position = road(surface, camera.eye, where), where.on(surface, surface.vertices)
     small = surface.component[where.face] == surface.component[-1]
     assert not truth[small].any() and truth[~small].mean() > 0.9 - 0.6 * (road is sight.by_mesh)
-    seen = Scene(surface).seen(camera.eye, where.face, position, where.sharp)
+    seen = Bvh(surface).seen(camera.eye, where.face, position, where.sharp)
     tally = lines.Tally()
     tally.add(where, seen, truth)
     assert tally.figures("ridge") is None
@@ -105,7 +110,9 @@ def test_roads_agree_on_a_ball_behind_a_ball(road):
     eye, position = surface.original(camera.eye[None])[0], surface.original(position)
 
     def height(at):
-        return np.minimum(np.linalg.norm(at, axis=1) - 1, np.linalg.norm(at - [0.5, 0, 3.0], axis=1) - 0.5)
+        return np.minimum(
+            np.linalg.norm(at, axis=1) - 1, np.linalg.norm(at - [0.5, 0, 3.0], axis=1) - 0.5
+        )
 
     assert np.array_equal(sight.by_formula(height, eye, position, 0.02), seen)
 

@@ -13,8 +13,8 @@ import trimesh
 from command import refused, run
 from PIL import Image, ImageDraw
 
-from strokestyle.extract.view import load_view
-from strokestyle.model_file import read_model, write_model
+from strokestyle.extract.view_file import load_view
+from strokestyle.files import read_model, write_model
 
 VIEW = ("--size", "256", "--view", "25,35")
 
@@ -41,7 +41,16 @@ def studio(tmp_path_factory):
     trimesh.creation.icosphere(subdivisions=4).export(folder / "ball.ply")
     assert run("extract", folder / "torus.obj", "-o", folder / "view.npz", *VIEW).exit_code == 0
     draw_over(load_view(folder / "view.npz"), 6, (150, 20, 30)).save(folder / "drawing.png")
-    result = run("fit", folder / "drawing.png", folder / "torus.obj", "-o", folder / "m.pt", "--preset", "quick", *VIEW)
+    result = run(
+        "fit",
+        folder / "drawing.png",
+        folder / "torus.obj",
+        "-o",
+        folder / "m.pt",
+        "--preset",
+        "quick",
+        *VIEW,
+    )
     assert result.exit_code == 0, result.stderr
     assert "m.pt" in result.stderr and "m.png" in result.stderr
     return folder
@@ -75,7 +84,9 @@ def strokes_of(path):
 def test_fit_leaves_a_sheet_to_look_at(studio):
     sheet = Image.open(studio / "m.png")
     assert sheet.size == (4 * 256, 256)
-    drawn, mask, drawn_mask, textured = np.split(np.asarray(sheet.convert("RGB"), float) / 255, 4, axis=1)
+    drawn, mask, drawn_mask, textured = np.split(
+        np.asarray(sheet.convert("RGB"), float) / 255, 4, axis=1
+    )
     assert np.abs(mask - drawn_mask).mean() < 0.02
     assert np.abs(drawn - textured).mean() < 0.02
     assert np.abs(drawn - 1).mean() > 0.02
@@ -94,18 +105,34 @@ def test_a_learned_pen_draws_another_shape(studio, tmp_path):
     ink = picture[picture.min(axis=2) < 60]
     assert np.abs(np.median(ink, axis=0) - [150, 20, 30]).max() < 12
     covered = (picture[..., 1] < 128).sum()
-    assert 0.8 < covered / (np.pi * 0.84 * 256 * 6) < 1.2  # a circle of the fitted radius, 6 px wide
+    assert (
+        0.8 < covered / (np.pi * 0.84 * 256 * 6) < 1.2
+    )  # a circle of the fitted radius, 6 px wide
 
 
 def test_the_same_seed_gives_the_same_bytes(studio, tmp_path):
     args = ("--preset", "quick", "--seed", "3", *VIEW)
     for name in ("a", "b"):
         assert (
-            run("fit", studio / "drawing.png", studio / "torus.obj", "-o", tmp_path / f"{name}.pt", *args).exit_code
+            run(
+                "fit",
+                studio / "drawing.png",
+                studio / "torus.obj",
+                "-o",
+                tmp_path / f"{name}.pt",
+                *args,
+            ).exit_code
             == 0
         )
         done = run(
-            "render", tmp_path / f"{name}.pt", studio / "ball.ply", "-o", tmp_path / f"{name}.svg", "--seed", "5", *VIEW
+            "render",
+            tmp_path / f"{name}.pt",
+            studio / "ball.ply",
+            "-o",
+            tmp_path / f"{name}.svg",
+            "--seed",
+            "5",
+            *VIEW,
         )
         assert done.exit_code == 0, done.stderr
     assert (tmp_path / "a.pt").read_bytes() == (tmp_path / "b.pt").read_bytes()
@@ -113,11 +140,20 @@ def test_the_same_seed_gives_the_same_bytes(studio, tmp_path):
 
 
 def test_textures_backgrounds_and_standard_output(studio, tmp_path):
-    plain = run("render", studio / "m.pt", studio / "ball.ply", "-o", "-", "--texture", "none", *VIEW).stdout
+    plain = run(
+        "render", studio / "m.pt", studio / "ball.ply", "-o", "-", "--texture", "none", *VIEW
+    ).stdout
     assert "<image" not in plain and plain.rstrip().endswith("</svg>")
-    image = run("render", studio / "m.pt", studio / "ball.ply", "-o", "-", "--background", "#f0e8d8", *VIEW).stdout
+    image = run(
+        "render", studio / "m.pt", studio / "ball.ply", "-o", "-", "--background", "#f0e8d8", *VIEW
+    ).stdout
     assert "#f0e8d8" in image
-    assert run("render", studio / "m.pt", studio / "ball.ply", "-o", tmp_path / "x.svgz", "-q", *VIEW).stderr == ""
+    assert (
+        run(
+            "render", studio / "m.pt", studio / "ball.ply", "-o", tmp_path / "x.svgz", "-q", *VIEW
+        ).stderr
+        == ""
+    )
     assert (tmp_path / "x.svgz").read_bytes()[:2] == b"\x1f\x8b"
 
 
@@ -132,7 +168,15 @@ def test_many_shapes_go_to_a_folder_and_one_bad_one_does_not_stop_them(studio, t
     assert "b.obj" in result.stderr and "2 of 3 shapes drawn" in result.stderr
     assert sorted(p.name for p in out.iterdir()) == ["a.svg", "c.svg"]
     jobs = run(
-        "render", studio / "m.pt", meshes / "a.ply", meshes / "c.ply", "-o", tmp_path / "two/", "--jobs", "2", *VIEW
+        "render",
+        studio / "m.pt",
+        meshes / "a.ply",
+        meshes / "c.ply",
+        "-o",
+        tmp_path / "two/",
+        "--jobs",
+        "2",
+        *VIEW,
     )
     assert jobs.exit_code == 0, jobs.stderr
     for name in ("a.svg", "c.svg"):
@@ -155,37 +199,81 @@ def test_two_shapes_of_one_name_are_refused(studio, tmp_path):
 
 
 def test_turntable(studio, tmp_path):
-    result = run("render", studio / "m.pt", studio / "torus.obj", "-o", tmp_path / "t.svg", "--turntable", "3", *VIEW)
+    result = run(
+        "render",
+        studio / "m.pt",
+        studio / "torus.obj",
+        "-o",
+        tmp_path / "t.svg",
+        "--turntable",
+        "3",
+        *VIEW,
+    )
     assert result.exit_code == 0, result.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == ["t-000.svg", "t-001.svg", "t-002.svg"]
 
 
 def test_stages_of_several_shapes(studio, tmp_path):
-    args = ("render", studio / "m.pt", studio / "torus.obj", studio / "ball.ply", "--stages", tmp_path / "s", *VIEW)
+    args = (
+        "render",
+        studio / "m.pt",
+        studio / "torus.obj",
+        studio / "ball.ply",
+        "--stages",
+        tmp_path / "s",
+        *VIEW,
+    )
     assert run(*args).exit_code == 0
     parts = ("1-curves", "2-displaced", "3-strokes", "4-textured")
     names = {f"{part}.{suffix}" for part in parts for suffix in ("svg", "png")} | {"sheet.png"}
     wanted = {f"{shape}-{name}" for shape in ("torus", "ball") for name in names}
     assert {p.name for p in (tmp_path / "s").iterdir()} == wanted
     beside = run(*args, "-o", tmp_path / "out/")
-    assert beside.exit_code == 0 and sorted(p.name for p in (tmp_path / "out").iterdir()) == ["ball.svg", "torus.svg"]
+    assert beside.exit_code == 0 and sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "ball.svg",
+        "torus.svg",
+    ]
     assert [kind for kind, _ in strokes_of(tmp_path / "s" / "torus-4-textured.svg")] == [
         kind for kind, _ in strokes_of(tmp_path / "out" / "torus.svg")
     ]
-    refused("render", studio / "m.pt", studio / "ball.ply", words=["-o OUT.svg, or --stages DIR"], code=2)
+    refused(
+        "render",
+        studio / "m.pt",
+        studio / "ball.ply",
+        words=["-o OUT.svg, or --stages DIR"],
+        code=2,
+    )
 
 
 def test_a_saved_view_is_drawn_like_its_mesh(studio, tmp_path):
-    assert run("render", studio / "m.pt", studio / "torus.obj", "-o", tmp_path / "a.svg", *VIEW).exit_code == 0
-    assert run("render", studio / "m.pt", studio / "view.npz", "-o", tmp_path / "b.svg").exit_code == 0
-    strip = [re.sub("<title>.*?</title>", "", (tmp_path / name).read_text()) for name in ("a.svg", "b.svg")]
+    assert (
+        run(
+            "render", studio / "m.pt", studio / "torus.obj", "-o", tmp_path / "a.svg", *VIEW
+        ).exit_code
+        == 0
+    )
+    assert (
+        run("render", studio / "m.pt", studio / "view.npz", "-o", tmp_path / "b.svg").exit_code == 0
+    )
+    strip = [
+        re.sub("<title>.*?</title>", "", (tmp_path / name).read_text())
+        for name in ("a.svg", "b.svg")
+    ]
     assert strip[0] == strip[1]
 
 
 def test_an_empty_view_is_an_empty_drawing(studio, tmp_path):
-    (tmp_path / "c.json").write_text('{"eye": [0, 0, 3], "target": [0, 0, 9], "fov_y_deg": 30, "size": [128, 128]}')
+    (tmp_path / "c.json").write_text(
+        '{"eye": [0, 0, 3], "target": [0, 0, 9], "fov_y_deg": 30, "size": [128, 128]}'
+    )
     result = run(
-        "render", studio / "m.pt", studio / "ball.ply", "-o", tmp_path / "x.svg", "--camera", tmp_path / "c.json"
+        "render",
+        studio / "m.pt",
+        studio / "ball.ply",
+        "-o",
+        tmp_path / "x.svg",
+        "--camera",
+        tmp_path / "c.json",
     )
     assert result.exit_code == 0 and "no visible curves" in result.stderr
     assert strokes_of(tmp_path / "x.svg") == []
@@ -209,7 +297,13 @@ def test_bad_drawings(studio, tmp_path, make, words):
     model = tmp_path / "m.pt"
     model.write_text("an older model")
     refused(
-        "fit", tmp_path / "d.png", studio / "torus.obj", "-o", model, *VIEW, words=[str(tmp_path / "d.png"), *words]
+        "fit",
+        tmp_path / "d.png",
+        studio / "torus.obj",
+        "-o",
+        model,
+        *VIEW,
+        words=[str(tmp_path / "d.png"), *words],
     )
     assert model.read_text() == "an older model"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["d.png", "m.pt"]
@@ -224,16 +318,34 @@ def test_a_drawing_of_something_else(studio, tmp_path):
 
 
 def test_drawings_that_are_no_images(studio, tmp_path):
-    refused("fit", tmp_path / "no.png", studio / "torus.obj", "-o", tmp_path / "m.pt", *VIEW, words=["no.png"])
+    refused(
+        "fit",
+        tmp_path / "no.png",
+        studio / "torus.obj",
+        "-o",
+        tmp_path / "m.pt",
+        *VIEW,
+        words=["no.png"],
+    )
     (tmp_path / "d.png").write_bytes((studio / "drawing.png").read_bytes()[:300])
     refused(
-        "fit", tmp_path / "d.png", studio / "torus.obj", "-o", tmp_path / "m.pt", *VIEW, words=["not a readable image"]
+        "fit",
+        tmp_path / "d.png",
+        studio / "torus.obj",
+        "-o",
+        tmp_path / "m.pt",
+        *VIEW,
+        words=["not a readable image"],
     )
-    refused("fit", tmp_path, studio / "torus.obj", "-o", tmp_path / "m.pt", *VIEW, words=["a folder"])
+    refused(
+        "fit", tmp_path, studio / "torus.obj", "-o", tmp_path / "m.pt", *VIEW, words=["a folder"]
+    )
 
 
 def test_a_shape_without_visible_lines_cannot_be_learned_from(studio, tmp_path):
-    (tmp_path / "c.json").write_text('{"eye": [0, 0, 3], "target": [0, 0, 9], "fov_y_deg": 30, "size": [256, 256]}')
+    (tmp_path / "c.json").write_text(
+        '{"eye": [0, 0, 3], "target": [0, 0, 9], "fov_y_deg": 30, "size": [256, 256]}'
+    )
     camera = ("--camera", tmp_path / "c.json")
     refused("fit", studio / "drawing.png", studio / "torus.obj", *camera, "-o", tmp_path / "m.pt",
             words=["no visible curves"])  # fmt: skip
@@ -264,35 +376,90 @@ def test_bad_models(studio, tmp_path):
                 damaged = name == ("model.json" if damage(b"") == b"{}" else "network/weight.npy")
                 new.writestr(name, damage(old.read(name)) if damaged else old.read(name))
         refused("render", model, studio / "ball.ply", "-o", tmp_path / "x.svg", words=["m.pt"])
-    refused("render", tmp_path / "no.pt", studio / "ball.ply", "-o", tmp_path / "x.svg", words=["no.pt"])
-    refused("render", studio / "drawing.png", studio / "ball.ply", "-o", tmp_path / "x.svg", words=["drawing.png"])
+    refused(
+        "render", tmp_path / "no.pt", studio / "ball.ply", "-o", tmp_path / "x.svg", words=["no.pt"]
+    )
+    refused(
+        "render",
+        studio / "drawing.png",
+        studio / "ball.ply",
+        "-o",
+        tmp_path / "x.svg",
+        words=["drawing.png"],
+    )
     assert not (tmp_path / "owned").exists() and not (tmp_path / "x.svg").exists()
 
 
 def test_a_model_from_a_newer_version(studio, tmp_path):
     write_model(tmp_path / "m.pt", read_model(studio / "m.pt") | {"format": 999})
-    refused("render", tmp_path / "m.pt", studio / "ball.ply", "-o", tmp_path / "x.svg", words=["m.pt", "newer"])
+    refused(
+        "render",
+        tmp_path / "m.pt",
+        studio / "ball.ply",
+        "-o",
+        tmp_path / "x.svg",
+        words=["m.pt", "newer"],
+    )
 
 
 def test_outputs_that_cannot_be_written(studio, tmp_path):
     refused(
-        "fit", studio / "drawing.png", studio / "torus.obj", "-o", tmp_path / "no" / "m.pt", *VIEW, words=["no folder"]
+        "fit",
+        studio / "drawing.png",
+        studio / "torus.obj",
+        "-o",
+        tmp_path / "no" / "m.pt",
+        *VIEW,
+        words=["no folder"],
     )
-    refused("render", studio / "m.pt", studio / "ball.ply", "-o", tmp_path / "no" / "x.svg", words=["no folder"])
-    (tmp_path / "file").write_text("x")
-    refused("render", studio / "m.pt", studio / "ball.ply", "-o", tmp_path / "file" / "sub/", words=["file"])
     refused(
-        "fit", studio / "drawing.png", studio / "torus.obj", "-o", studio / "drawing.pt", *VIEW, words=["is the input"]
+        "render",
+        studio / "m.pt",
+        studio / "ball.ply",
+        "-o",
+        tmp_path / "no" / "x.svg",
+        words=["no folder"],
+    )
+    (tmp_path / "file").write_text("x")
+    refused(
+        "render",
+        studio / "m.pt",
+        studio / "ball.ply",
+        "-o",
+        tmp_path / "file" / "sub/",
+        words=["file"],
+    )
+    refused(
+        "fit",
+        studio / "drawing.png",
+        studio / "torus.obj",
+        "-o",
+        studio / "drawing.pt",
+        *VIEW,
+        words=["is the input"],
     )
 
 
 def test_lines_of_a_drawing_in_a_learned_hand(studio, tmp_path):
     drawn, out = tmp_path / "a.svg", tmp_path / "b.svg"
     assert run("render", studio / "m.pt", studio / "ball.ply", "-o", drawn, *VIEW).exit_code == 0
-    result = run("edit", drawn, "-o", out, "--recolor", "#00ff00", "--restyle", studio / "m.pt", "--drop", "<5")
+    result = run(
+        "edit",
+        drawn,
+        "-o",
+        out,
+        "--recolor",
+        "#00ff00",
+        "--restyle",
+        studio / "m.pt",
+        "--drop",
+        "<5",
+    )
     assert result.exit_code == 0, result.stderr
     before, after = strokes_of(drawn), strokes_of(out)
-    assert after and sum(len(widths) for _, widths in after) > 0.5 * sum(len(widths) for _, widths in before)
+    assert after and sum(len(widths) for _, widths in after) > 0.5 * sum(
+        len(widths) for _, widths in before
+    )
     assert "#00ff00" not in out.read_text()  # the ink is the model's
 
 
@@ -323,14 +490,38 @@ def test_named_parts_from_the_mesh_to_the_edit(studio, tmp_path, monkeypatch):
         assert set(labels(foreign)) == set(labels(drawn))  # kinds, too, come back from the groups
     # the file turned inside out, edited and drawn in another hand
     (tmp_path / "wheel.svg").write_text(drawn)
-    edit = ("edit", "wheel.svg", "-o", "-", "--layers", "part", "--recolor", "tire,hub=#00ff00", "--drop", "spoke 1")
+    edit = (
+        "edit",
+        "wheel.svg",
+        "-o",
+        "-",
+        "--layers",
+        "part",
+        "--recolor",
+        "tire,hub=#00ff00",
+        "--drop",
+        "spoke 1",
+    )
     edited = run(*edit).stdout
     colors = parts_of(edited)
-    assert colors["tire"] == colors["hub"] == {"#00ff00"} != colors["spoke 2"] and "spoke 1" not in colors
-    assert [label for label in labels(edited) if label != "contour"] == [n for n in inner if n != "spoke 1"]
+    assert (
+        colors["tire"] == colors["hub"] == {"#00ff00"} != colors["spoke 2"]
+        and "spoke 1" not in colors
+    )
+    assert [label for label in labels(edited) if label != "contour"] == [
+        n for n in inner if n != "spoke 1"
+    ]
     again = run("edit", "wheel.svg", "-o", "-", "--restyle", studio / "m.pt").stdout
     assert set(parts_of(again)) == set(parts)
-    refused("edit", "wheel.svg", "-o", "no.svg", "--drop", "spok", words=["'spok'", "contour", "hub, spoke 1"])
+    refused(
+        "edit",
+        "wheel.svg",
+        "-o",
+        "no.svg",
+        "--drop",
+        "spok",
+        words=["'spok'", "contour", "hub, spoke 1"],
+    )
     stages = run(*model, "wheel.obj", "--stages", "figure", *VIEW)
     assert stages.exit_code == 0
     for name in ("1-curves", "2-displaced", "4-textured"):

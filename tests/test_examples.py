@@ -9,8 +9,8 @@ import trimesh
 from PIL import Image
 
 from strokestyle.extract.camera import DEFAULT_SIZE, fit_camera
-from strokestyle.extract.segments import LineOptions
-from strokestyle.extract.view import extract
+from strokestyle.extract.line_options import LineOptions
+from strokestyle.extract.pipeline import extract_view
 from strokestyle.fit.exemplar import agree, load_exemplar
 from strokestyle.mesh.surface import load_surface
 
@@ -38,7 +38,11 @@ def read(name):
 
 
 def test_every_shape_of_the_script_is_committed_and_no_other():
-    assert set(make_shapes.SHAPES) == set(SHAPES) == {path.stem for path in (EXAMPLES / "shapes").iterdir()}
+    assert (
+        set(make_shapes.SHAPES)
+        == set(SHAPES)
+        == {path.stem for path in (EXAMPLES / "shapes").iterdir()}
+    )
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -47,7 +51,9 @@ def test_shape_is_compact_centred_and_clean(name):
     surface = load_surface(EXAMPLES / "shapes" / f"{name}.ply")
     assert 8_000 <= len(surface.faces) <= 30_000
     corners = surface.vertices[surface.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     assert area.min() > 0.0
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     assert (high - low).max() == pytest.approx(1.0, abs=1e-4)
@@ -99,7 +105,9 @@ def test_polygons_of_a_sphere():
 
 
 def test_sharp_polygons_have_all_edges_and_corners_of_a_box():
-    vertices, faces = make_shapes.surface_nets(box, [-0.93, -0.94, -0.91], [1, 1, 1], 0.077, sharp=True)
+    vertices, faces = make_shapes.surface_nets(
+        box, [-0.93, -0.94, -0.91], [1, 1, 1], 0.077, sharp=True
+    )
     mesh = trimesh.Trimesh(*make_shapes.weld((vertices, faces), 0.01), process=False)
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(8 * 0.6 * 0.5 * 0.4, rel=1e-4)
@@ -119,7 +127,9 @@ def test_tube_is_exact_along_a_straight_line():
     p = np.random.default_rng(0).normal(size=(500, 3))
     ends = np.array([[-0.5, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
     near = p - np.clip(p @ [1.0, 0.0, 0.0], -0.5, 0.5)[:, None] * [1.0, 0.0, 0.0]
-    assert make_shapes.tube(p, ends, [0.2, 0.2, 0.2]) == pytest.approx(np.linalg.norm(near, axis=1) - 0.2, abs=1e-6)
+    assert make_shapes.tube(p, ends, [0.2, 0.2, 0.2]) == pytest.approx(
+        np.linalg.norm(near, axis=1) - 0.2, abs=1e-6
+    )
 
 
 def test_refining_keeps_a_mesh_closed():
@@ -138,7 +148,7 @@ def test_refining_keeps_a_mesh_closed():
 @pytest.fixture(scope="module")
 def elephant_view():
     surface = load_surface(EXAMPLES / "shapes" / "elephant.ply")
-    return extract(surface, fit_camera(surface.vertices, "three-quarter"), LineOptions())
+    return extract_view(surface, fit_camera(surface.vertices, "three-quarter"), LineOptions())
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
@@ -146,14 +156,20 @@ def test_drawing_is_a_small_rgb_picture_of_the_default_canvas(name):
     path = EXAMPLES / "drawings" / f"{name}.png"
     assert path.stat().st_size < 200_000
     with Image.open(path) as image:
-        assert (image.format, image.mode, image.size) == ("PNG", "RGB", (DEFAULT_SIZE, DEFAULT_SIZE))
+        assert (image.format, image.mode, image.size) == (
+            "PNG",
+            "RGB",
+            (DEFAULT_SIZE, DEFAULT_SIZE),
+        )
         assert "icc_profile" not in image.info and not image.getexif()
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawing_lies_on_the_curves_of_the_default_view(name, elephant_view):
     points = elephant_view.curves.xy
-    exemplar, note = load_exemplar(EXAMPLES / "drawings" / f"{name}.png", DEFAULT_SIZE, DEFAULT_SIZE, points)
+    exemplar, note = load_exemplar(
+        EXAMPLES / "drawings" / f"{name}.png", DEFAULT_SIZE, DEFAULT_SIZE, points
+    )
     found = agree(exemplar, points)
     assert note == ""
     assert found.far_ink < 0.02 and found.bare_curve < 0.05

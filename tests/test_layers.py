@@ -8,23 +8,33 @@ import pytest
 SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 KNOWS = {
     "files": "",
-    "model_file": "files",
-    "geometry": "",
+    "geometry": "files",
     "mesh": "files geometry",
     "extract": "files geometry mesh",
-    "drawing": "geometry",
+    "drawing": "files geometry",
     "svg": "files geometry drawing",
     "viewer": "",
-    "render": "files model_file geometry extract drawing svg",
-    "fit": "files model_file geometry extract drawing render",
-    "cli": "files model_file geometry mesh extract drawing svg viewer render fit",
+    "render": "files geometry extract drawing svg",
+    "fit": "files geometry extract drawing render",
+    "cli": "files geometry mesh extract drawing svg viewer render fit",
     "__main__": "cli",
 }
-TORCH = {"render.networks", "render.devices", "render.coverage", "render.neural_strokes", "fit.*", "cli"}
-UNDONE = {("drawing.strip", "svg.png"), ("render.texture_bank", "fit.exemplar")}  # modules that are still two
+TORCH = {
+    "render.networks",
+    "render.devices",
+    "render.coverage",
+    "render.neural_strokes",
+    "fit.*",
+    "cli",
+}
 ONLY = {"resvg_py": {"svg.write"}, "click": {"cli"}, "rich": {"cli"}, "embreex": {"extract.rays"}}
-MODULES = {".".join(path.relative_to(SOURCE).with_suffix("").parts): path for path in sorted(SOURCE.rglob("*.py"))}
-MODULES = {name.removesuffix(".__init__"): path for name, path in MODULES.items() if name != "__init__"}
+MODULES = {
+    ".".join(path.relative_to(SOURCE).with_suffix("").parts): path
+    for path in sorted(SOURCE.rglob("*.py"))
+}
+MODULES = {
+    name.removesuffix(".__init__"): path for name, path in MODULES.items() if name != "__init__"
+}
 
 
 def imports(name):
@@ -54,16 +64,19 @@ def test_a_package_imports_only_what_it_knows(name):
     package = name.split(".")[0]
     for module, _ in imports(name):
         if module.startswith(".") and module != ".":
-            if (name, module[1:]) in UNDONE:
-                continue
-            assert module[1:].split(".")[0] in {package, *KNOWS[package].split()}, f"{name} imports {module[1:]}"
+            assert module[1:].split(".")[0] in {package, *KNOWS[package].split()}, (
+                f"{name} imports {module[1:]}"
+            )
         if module == "torch":
             assert TORCH & {name, f"{package}.*"}, f"{name} imports torch"
         assert {name, package} & ONLY.get(module, {name}), f"{module} belongs to {ONLY.get(module)}"
 
 
 def test_no_circles_inside_a_package():
-    above = {name: {module[1:] for module, _ in imports(name) if module[1:] in MODULES} for name in MODULES}
+    above = {
+        name: {module[1:] for module, _ in imports(name) if module[1:] in MODULES}
+        for name in MODULES
+    }
     seen = []
 
     def visit(name, path):
@@ -85,11 +98,11 @@ def test_the_command_line_starts_without_the_heavy_libraries():
 
 def test_a_mesh_is_drawn_without_torch():
     """Its import takes longer than all that `render` does."""
-    seen, todo = set(), ["mesh.surface", "extract.rays", "extract.view", "render.style", "svg.write"]
+    seen, todo = set(), ["mesh.surface", "extract.pipeline", "render.style_file", "svg.write"]
     while todo:
         name = todo.pop()
         if name not in seen:
             seen.add(name)
             todo += [module[1:] for module, top in imports(name) if top and module[1:] in MODULES]
     torch = {name for name in seen if "torch" in dict(imports(name))}
-    assert "render.texture_bank" in seen and not torch
+    assert "render.quilt" in seen and not torch

@@ -6,13 +6,18 @@ import zipfile
 import numpy as np
 import pytest
 
-from strokestyle.model_file import VALUES, read_model, write_model
+from strokestyle.files import VALUES, read_model, write_model
 
 PAYLOAD = {
     "format": 2,
     "about": {"exemplar": "kärcher.png", "seed": 3},
     "hand": None,
-    "nets": {"path": {"layers.0.weight": np.arange(6, dtype=np.float32).reshape(2, 3), "base": np.array(1.5)}},
+    "nets": {
+        "path": {
+            "layers.0.weight": np.arange(6, dtype=np.float32).reshape(2, 3),
+            "base": np.array(1.5),
+        }
+    },
     "names": ["a", "b"],
     "none": np.zeros((0, 4), np.uint8),
 }

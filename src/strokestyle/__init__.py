@@ -12,4 +12,63 @@ The 3D world is right-handed; after `load_surface` a shape is centred and its lo
 Thickness is a stroke's full width in pixels. Angles are degrees at the command line and in `Camera.fov_y`.
 """
 
+from importlib import import_module
+
 __version__ = "0.1.0"
+
+# What Python users may rely on, and where it is: resolved when it is asked for, so that `import strokestyle` stays free
+# of numpy and torch.
+_PUBLIC = {
+    "Camera": "extract.camera",
+    "Checkpoint": "fit.checkpoint",
+    "Curves": "geometry.curves",
+    "Drawing": "drawing.strokes",
+    "Exemplar": "fit.exemplar",
+    "FitConfig": "fit.config",
+    "LineOptions": "extract.line_options",
+    "PRESETS": "fit.train",
+    "Style": "render.style",
+    "Strokes": "drawing.strokes",
+    "Surface": "mesh.surface",
+    "SvgOptions": "svg.format",
+    "Texture": "drawing.strokes",
+    "View": "extract.view",
+    "extract_view": "extract.pipeline",
+    "fit_camera": "extract.camera",
+    "fit_style": "fit.train",
+    "load_curves": "render.curve_file",
+    "load_exemplar": "fit.exemplar",
+    "load_style": "render.style_file",
+    "load_surface": "mesh.surface",
+    "load_view": "extract.view_file",
+    "make_surface": "mesh.surface",
+    "move": "drawing.edit",
+    "plain_svg": "svg.write",
+    "png_from_svg": "svg.write",
+    "rasterise": "drawing.raster",
+    "read_svg": "svg.read",
+    "recolor": "drawing.edit",
+    "save_style": "render.style_file",
+    "save_svg": "svg.write",
+    "save_view": "extract.view_file",
+    "simplified": "drawing.edit",
+    "smooth": "drawing.edit",
+    "taper": "drawing.edit",
+    "thicken": "drawing.edit",
+    "view_of_curves": "extract.pipeline",
+    "wiggle": "drawing.edit",
+    "write_svg": "svg.write",
+}
+__all__ = ["__version__", *_PUBLIC]
+
+
+def __getattr__(name: str):
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f".{_PUBLIC[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PUBLIC})

@@ -1,11 +1,24 @@
-"""Writing files so that nothing is ever half-written: to a temporary file beside the target, then renamed over it."""
+"""Files: whole or not at all, within limits; and zips of arrays."""
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
+import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
+
+import numpy as np
+
+# What a file from anywhere may hold.
+MAX_BYTES = 64 * 2**20  # an .svgz's once decompressed
+MAX_POINTS = 500_000
+MAX_CURVES = 50_000
+MAX_ELEMENTS = 100_000
+MAX_DEPTH = 256  # of elements inside one another
+MAX_TEXT = 16 * 2**20  # characters of one path
 
 
 def replace_file(path: str | Path, write: Callable[[str], None]) -> None:
@@ -52,3 +65,122 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+VALUES = "model.json"
+
+
+def write_model(path: str | Path, payload: dict) -> None:
+    """Write nested dicts of arrays and JSON values. Same payload, same bytes; whole or not at all."""
+    arrays, values = {}, {}
+    _flatten(payload, "", arrays, values)
+
+    def write(name):
+        with zipfile.ZipFile(name, "w", zipfile.ZIP_DEFLATED) as file:
+            file.writestr(_entry(VALUES), json.dumps(values, indent=1, allow_nan=False))
+            for key, value in arrays.items():
+                with file.open(_entry(key + ".npy"), "w", force_zip64=True) as stream:
+                    np.lib.format.write_array(
+                        stream, np.asarray(value, order="C"), allow_pickle=False
+                    )
+
+    replace_file(path, write)
+
+
+def read_model(path: str | Path) -> dict:
+    """Read what `write_model` wrote, with the same nesting.
+
+    Raises ValueError, naming the file, where it is no model, is cut short or damaged; OSError where unreadable.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise ValueError(f"{path}: a folder; expected a model written by `strokestyle fit`")
+    with open(path, "rb") as file:
+        head = file.read(4)
+    if not head.startswith(b"PK"):
+        raise ValueError(
+            f"{path}: not a strokestyle model; expected a file written by `strokestyle fit`"
+        )
+    if not zipfile.is_zipfile(path):
+        raise ValueError(
+            f"{path}: the model file is cut short; write it again with `strokestyle fit`"
+        )
+    try:
+        with zipfile.ZipFile(path) as file:
+            names = file.namelist()
+            if VALUES not in names:
+                raise ValueError(
+                    f"{path}: not a strokestyle model; expected a file written by `strokestyle fit`"
+                )
+            payload = {}
+            for key, value in json.loads(file.read(VALUES)).items():
+                _put(payload, key, value)
+            for name in names:
+                if name.endswith(".npy"):
+                    with file.open(name) as stream:
+                        _put(
+                            payload, name[:-4], np.lib.format.read_array(stream, allow_pickle=False)
+                        )
+    except (
+        zipfile.BadZipFile, zlib.error, json.JSONDecodeError, UnicodeDecodeError, EOFError, LookupError, TypeError,
+        AttributeError, NotImplementedError, MemoryError,
+    ):  # fmt: skip
+        raise _damaged(path) from None
+    except ValueError as error:
+        if str(path) in str(error):
+            raise
+        raise _damaged(path) from None
+    return payload
+
+
+def _damaged(path: Path) -> ValueError:
+    return ValueError(f"{path}: a damaged strokestyle model; write it again with `strokestyle fit`")
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo(name)  # dated 1980: the same bytes at any time
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    return entry
+
+
+def _flatten(value, key: str, arrays: dict, values: dict) -> None:
+    if isinstance(value, dict) and value:
+        for name, part in value.items():
+            _flatten(part, f"{key}/{name}" if key else name, arrays, values)
+    elif isinstance(value, np.ndarray):
+        arrays[key] = value
+    else:
+        values[key] = value
+
+
+def _put(tree: dict, key: str, value) -> None:
+    *parents, last = key.split("/")
+    for name in parents:
+        tree = tree.setdefault(name, {})
+    tree[last] = value
+
+
+def limited(data: bytes) -> bytes:
+    """The bytes of a file, gunzipped where they are gzip data. Raises ValueError on too many, or on damage."""
+    if len(data) <= MAX_BYTES and data[:2] == b"\x1f\x8b":
+        data = _unzip(data)
+    if len(data) > MAX_BYTES:
+        raise ValueError(
+            f"larger than {MAX_BYTES // 2**20} MB: simplify the curves, or take images out, and save again"
+        )
+    return data
+
+
+def _unzip(data: bytes) -> bytes:
+    unpack = zlib.decompressobj(wbits=31)
+    try:
+        text = unpack.decompress(data, MAX_BYTES + 1)
+    except zlib.error as error:
+        raise ValueError(f"damaged gzip data ({error}); save it again, as .svg") from None
+    if len(text) <= MAX_BYTES and not unpack.eof:
+        raise ValueError("its gzip data end early: the file is cut short; save it again, as .svg")
+    return text
+
+
+def quoted(text: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in text[:40])

@@ -49,7 +49,7 @@ def test_help_does_not_import_torch():
 
 def test_what_help_says_is_what_the_library_does():
     from strokestyle.extract.camera import DEFAULT_FOV, DEFAULT_SIZE, NAMED_VIEWS
-    from strokestyle.extract.segments import LEAST_DETAIL, MOST_DETAIL, LineOptions
+    from strokestyle.extract.line_options import LEAST_DETAIL, MOST_DETAIL, LineOptions
     from strokestyle.fit.train import PRESETS
     from strokestyle.geometry.curves import DEFAULT_SPACING
 
@@ -72,12 +72,21 @@ def test_what_help_says_is_what_the_library_does():
         (["extract", "x.obj", "-o", "x.bmp"], ["x.bmp", ".png, .svg, .npz or .json"]),
         (["extract", "x.obj", "-o", "x.png", "--view", "sideways"], ["sideways", "three-quarter"]),
         (["extract", "x.obj", "-o", "x.png", "--size", "12"], ["12", "64 to 8192"]),
-        (["extract", "x.obj", "-o", "x.png", "--lines", "contour,wrinkle"], ["wrinkle", "suggestive"]),
+        (
+            ["extract", "x.obj", "-o", "x.png", "--lines", "contour,wrinkle"],
+            ["wrinkle", "suggestive"],
+        ),
         (["extract", "x.obj", "-o", "x.png", "--detail", "lots"], ["'lots'", "0.5..2"]),
-        (["extract", "x.obj", "-o", "x.png", "--detail", "0.5..nan"], ["0.5..nan", "between 0.1 and 10"]),
+        (
+            ["extract", "x.obj", "-o", "x.png", "--detail", "0.5..nan"],
+            ["0.5..nan", "between 0.1 and 10"],
+        ),
         (["extract", "x.obj", "-o", "x.png", "--detail", "1..20"], ["1..20", "between 0.1 and 10"]),
         (["extract", "x.obj", "-o", "x.png", "--detail", "2..1"], ["LOW to HIGH: 1..2"]),
-        (["extract", "x.obj", "-o", "x.png", "--camera", "c.json", "--fov", "30"], ["--camera", "--fov"]),
+        (
+            ["extract", "x.obj", "-o", "x.png", "--camera", "c.json", "--fov", "30"],
+            ["--camera", "--fov"],
+        ),
         (["extract", "x.npz", "-o", "x.png", "--fov", "30"], ["saved view", "--fov"]),
         (["fit", "a.png"], ["SHAPE"]),
         (["fit", "a.png", "b.obj", "--preset", "slow"], ["quick", "standard", "paper"]),
@@ -129,7 +138,9 @@ def test_bad_meshes_get_one_line(tmp_path, name):
 
 
 def test_a_missing_mesh_and_a_folder(tmp_path):
-    refused("extract", tmp_path / "no.obj", "-o", tmp_path / "x.svg", words=["no.obj", "no such file"])
+    refused(
+        "extract", tmp_path / "no.obj", "-o", tmp_path / "x.svg", words=["no.obj", "no such file"]
+    )
     refused("extract", tmp_path, "-o", tmp_path / "x.svg", words=[str(tmp_path)])
 
 
@@ -157,11 +168,15 @@ ODD_MESHES = {
 def test_odd_meshes_are_drawn(tmp_path, name):
     path = tmp_path / "odd.obj"
     path.write_text(ODD_MESHES[name])
-    result = run("extract", path, "-o", tmp_path / "out.json", "-o", tmp_path / "out.png", "--size", "128")
+    result = run(
+        "extract", path, "-o", tmp_path / "out.json", "-o", tmp_path / "out.png", "--size", "128"
+    )
     assert result.exit_code == 0, result.stderr
     got = json.loads((tmp_path / "out.json").read_text())
     xy = np.concatenate([np.array(line) for line in got["curves"]])
-    assert np.isfinite(xy).all() and np.ptp(xy, axis=0).max() > 40  # it fills the canvas, whatever its units
+    assert (
+        np.isfinite(xy).all() and np.ptp(xy, axis=0).max() > 40
+    )  # it fills the canvas, whatever its units
 
 
 # ----------------------------------------------------------------------------------------------------------- extract
@@ -169,7 +184,9 @@ def test_odd_meshes_are_drawn(tmp_path, name):
 
 def test_extract_writes_every_kind_of_file(tmp_path, sphere):
     outs = [tmp_path / f"out.{suffix}" for suffix in ("png", "svg", "npz", "json")]
-    result = run("extract", sphere, *[word for out in outs for word in ("-o", out)], "--size", "256x192")
+    result = run(
+        "extract", sphere, *[word for out in outs for word in ("-o", out)], "--size", "256x192"
+    )
     assert result.exit_code == 0
     assert "contour 1" in result.stderr and str(outs[0]) in result.stderr
     assert Image.open(outs[0]).size == (256, 192)
@@ -194,7 +211,9 @@ def test_a_saved_view_gives_the_same_drawing(tmp_path, sphere):
 def test_standard_output_and_quiet(tmp_path, sphere):
     result = run("extract", sphere, "-o", "-", "-q", "--size", "128")
     assert result.stdout.startswith(("<svg", "<?xml")) and result.stderr == ""
-    assert "curves and feature maps" in run("extract", sphere, "-o", "-", "-v", "--size", "128").stderr
+    assert (
+        "curves and feature maps" in run("extract", sphere, "-o", "-", "-v", "--size", "128").stderr
+    )
 
 
 def test_cameras_agree_with_named_views(tmp_path, sphere):
@@ -213,7 +232,12 @@ def test_more_detail_is_more_lines(tmp_path):
     mesh.export(tmp_path / "bumpy.ply")
     length = {}
     for detail in ("0.3", "0.3..5", "1", "5", "5..5"):
-        assert run("extract", tmp_path / "bumpy.ply", "-o", tmp_path / "a.json", "--detail", detail).exit_code == 0
+        assert (
+            run(
+                "extract", tmp_path / "bumpy.ply", "-o", tmp_path / "a.json", "--detail", detail
+            ).exit_code
+            == 0
+        )
         got = json.loads((tmp_path / "a.json").read_text())
         length[detail] = sum(len(line) for line in got["curves"])
     assert length["0.3"] <= length["0.3..5"] < length["5"] == length["5..5"]
@@ -224,7 +248,15 @@ def test_hidden_lines(tmp_path):
     import trimesh
 
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.ply")
-    result = run("extract", tmp_path / "box.ply", "-o", tmp_path / "a.svg", "-o", tmp_path / "a.json", "--hidden")
+    result = run(
+        "extract",
+        tmp_path / "box.ply",
+        "-o",
+        tmp_path / "a.svg",
+        "-o",
+        tmp_path / "a.json",
+        "--hidden",
+    )
     assert result.exit_code == 0 and "; hidden: " in result.stderr
     text = (tmp_path / "a.svg").read_text()
     assert 'inkscape:label="hidden-crease"' in text and "stroke-dasharray" in text
@@ -235,15 +267,34 @@ def test_hidden_lines(tmp_path):
 def test_outside_curves(tmp_path, sphere):
     line = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 128 128"><path d="M10 10L90 90"/></svg>'
     (tmp_path / "c.svg").write_text(line)
-    result = run("extract", sphere, "-o", tmp_path / "a.json", "--curves", tmp_path / "c.svg", "--size", "128")
+    result = run(
+        "extract",
+        sphere,
+        "-o",
+        tmp_path / "a.json",
+        "--curves",
+        tmp_path / "c.svg",
+        "--size",
+        "128",
+    )
     assert result.exit_code == 0, result.stderr
     assert len(json.loads((tmp_path / "a.json").read_text())["curves"]) == 1
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"curves": [[1, 2]]}', '{"curves": [[["a", 2], [3, 4]]]}'])
+@pytest.mark.parametrize(
+    "content", ["", "{", "[]", '{"curves": [[1, 2]]}', '{"curves": [[["a", 2], [3, 4]]]}']
+)
 def test_bad_outside_curves(tmp_path, sphere, content):
     (tmp_path / "c.json").write_text(content)
-    refused("extract", sphere, "-o", tmp_path / "a.json", "--curves", tmp_path / "c.json", words=["c.json"])
+    refused(
+        "extract",
+        sphere,
+        "-o",
+        tmp_path / "a.json",
+        "--curves",
+        tmp_path / "c.json",
+        words=["c.json"],
+    )
 
 
 SAME_POINT = '{"eye": [0, 0, 0], "target": [0, 0, 0], "fov_y_deg": 3, "size": [64, 64]}'
@@ -252,7 +303,15 @@ SAME_POINT = '{"eye": [0, 0, 0], "target": [0, 0, 0], "fov_y_deg": 3, "size": [6
 @pytest.mark.parametrize("content", ["", "{}", "junk", SAME_POINT])
 def test_bad_cameras(tmp_path, sphere, content):
     (tmp_path / "c.json").write_text(content)
-    refused("extract", sphere, "-o", tmp_path / "a.json", "--camera", tmp_path / "c.json", words=["c.json"])
+    refused(
+        "extract",
+        sphere,
+        "-o",
+        tmp_path / "a.json",
+        "--camera",
+        tmp_path / "c.json",
+        words=["c.json"],
+    )
 
 
 def test_bad_views(tmp_path, sphere):
@@ -276,7 +335,13 @@ def test_outputs_that_cannot_be_written(tmp_path, sphere):
     (tmp_path / "dir.svg").mkdir()
     refused("extract", sphere, "-o", tmp_path / "dir.svg", words=["is a folder"])
     before = sphere.read_bytes()
-    refused("extract", tmp_path / "sphere.obj", "-o", tmp_path / "sub.npz" / "x.npz", words=["no folder"])
+    refused(
+        "extract",
+        tmp_path / "sphere.obj",
+        "-o",
+        tmp_path / "sub.npz" / "x.npz",
+        words=["no folder"],
+    )
     assert sphere.read_bytes() == before
 
 

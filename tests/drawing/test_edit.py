@@ -11,15 +11,15 @@ from PIL import Image
 from svg_programs import NAMES, small, with_parts
 
 from strokestyle.cli import main
+from strokestyle.cli.edit_text import NamedDrawing, parse_edit, strokes_named
 from strokestyle.drawing import edit as edits
-from strokestyle.drawing.edit import Sheet, parse_edit
 from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.strip import wider
-from strokestyle.drawing.strokes import Drawing, Strokes, Texture
+from strokestyle.drawing.strokes import Drawing, Strokes, Texture, lengths
 from strokestyle.geometry.curves import KINDS, arc_length
 from strokestyle.geometry.parts import Parts
-from strokestyle.svg.read import read_file
-from strokestyle.svg.write import read, save_svg, write_svg
+from strokestyle.svg.read import read_svg, read_svg_file
+from strokestyle.svg.write import save_svg, write_svg
 
 CONTOUR = KINDS.index("contour")
 
@@ -27,7 +27,9 @@ CONTOUR = KINDS.index("contour")
 def straight(texture=True, length=90.0, width=8.0):
     """A level stroke whose texture is dark on its first third only, with 1 px of soft edge."""
     x = np.linspace(0, length, 31)
-    strokes = Strokes(np.stack([15 + x, 0 * x + 40], axis=1), np.full(31, width), [0, 31], [0], [False])
+    strokes = Strokes(
+        np.stack([15 + x, 0 * x + 40], axis=1), np.full(31, width), [0, 31], [0], [False]
+    )
     strips = None
     if texture:
         rgba = np.zeros((200, 40, 4), np.uint8)
@@ -64,10 +66,15 @@ def test_only_the_strokes_that_are_meant_change(edit, texture):
     changed = edit(drawing, only)
     for i in range(5):
         a, b = edits.keep(drawing, [i]), edits.keep(changed, [i])
-        same = [np.array_equal(getattr(a.strokes, n), getattr(b.strokes, n)) for n in ("xy", "thickness")]
+        same = [
+            np.array_equal(getattr(a.strokes, n), getattr(b.strokes, n))
+            for n in ("xy", "thickness")
+        ]
         same.append(np.array_equal(a.color, b.color))
         if texture:
-            strip = wider(a.texture.rgba, b.texture.rgba.shape[1])  # thicker strokes want more texels across
+            strip = wider(
+                a.texture.rgba, b.texture.rgba.shape[1]
+            )  # thicker strokes want more texels across
             same.append(np.array_equal(strip, b.texture.rgba))
         assert all(same) == (not only[i])
     assert np.array_equal(changed.strokes.closed, drawing.strokes.closed)
@@ -75,14 +82,16 @@ def test_only_the_strokes_that_are_meant_change(edit, texture):
     assert np.array_equal(ring[0], ring[-1])
 
 
-@pytest.mark.parametrize("encoding, texture", [("vector", "grain"), ("image", "colours"), ("none", None)])
+@pytest.mark.parametrize(
+    "encoding, texture", [("vector", "grain"), ("image", "colours"), ("none", None)]
+)
 def test_strokes_that_are_not_meant_are_written_as_they_were(encoding, texture):
     def by_id(text):
         strokes = text.split(' id="s0')[1:]
         return {stroke[:2]: re.split("</g>\n?</g>|\n<g id=", stroke)[0] for stroke in strokes}
 
     text = write_svg(small(texture), texture=encoding)
-    file = read_file(text)
+    file = read_svg_file(text)
     only = file.drawing.strokes.kind == KINDS.index("contour")
     edited = edits.thicken(file.drawing, 2.5, only)  # its strips need more texels across
     again = by_id(write_svg(edited, file.options, ids=file.ids))
@@ -106,7 +115,9 @@ def test_thicker_ink_is_thicker_by_as_much_and_its_edge_as_soft(factor):
     assert thick.strokes.thickness == pytest.approx(factor * drawing.strokes.thickness)
     columns = [ink(d)[:, 60:80].mean(axis=1) for d in (drawing, thick)]  # the dark third
     widths = [c.sum() / c.max() / 2 for c in columns]
-    assert widths[0] == pytest.approx(8, abs=0.4) and widths[1] == pytest.approx(8 * factor, rel=0.08)
+    assert widths[0] == pytest.approx(8, abs=0.4) and widths[1] == pytest.approx(
+        8 * factor, rel=0.08
+    )
     light = ink(thick)[80, 150:180].mean()
     assert light == pytest.approx(100 / 255, abs=0.05)  # tone stays where it was
 
@@ -115,7 +126,9 @@ def test_grain_is_not_stretched():
     drawing = straight()
     rng = np.random.default_rng(0)
     rgba = drawing.texture.rgba.copy()
-    rgba[..., 3] = 255 * (rng.random((100, 20)).repeat(2, 0).repeat(2, 1) < 0.5) * (rgba[..., 3] > 0)
+    rgba[..., 3] = (
+        255 * (rng.random((100, 20)).repeat(2, 0).repeat(2, 1) < 0.5) * (rgba[..., 3] > 0)
+    )
     grain = replace(drawing, texture=replace(drawing.texture, rgba=rgba))
     thick = edits.thicken(grain, 3)
 
@@ -125,7 +138,9 @@ def test_grain_is_not_stretched():
         return inside.size / max((inside[1:] != inside[:-1]).sum(), 1) / 2
 
     assert run(thick) < 2.2 * run(grain)  # and not three times as long
-    assert ink(thick)[70:90, 60:200].mean() == pytest.approx(ink(grain)[74:86, 60:200].mean(), abs=0.08)
+    assert ink(thick)[70:90, 60:200].mean() == pytest.approx(
+        ink(grain)[74:86, 60:200].mean(), abs=0.08
+    )
 
 
 def test_wiggle_strays_by_its_amplitude_and_keeps_ends_and_seed():
@@ -157,7 +172,10 @@ def test_simplified_lines_stay_near_and_smooth():
     corner = Strokes([[10, 10], [50, 10], [50, 50]], [3, 3, 3], [0, 3], [0], [False])
     kept = edits.simplified(Drawing(corner, (60, 60), np.array([[0, 0, 0, 1.0]])), 1.0)
     assert np.abs(kept.strokes.xy - [50, 10]).sum(axis=1).min() < 1e-9  # corners stay corners
-    assert np.minimum(np.abs(kept.strokes.xy[:, 1] - 10), np.abs(kept.strokes.xy[:, 0] - 50)).max() < 1e-6
+    assert (
+        np.minimum(np.abs(kept.strokes.xy[:, 1] - 10), np.abs(kept.strokes.xy[:, 0] - 50)).max()
+        < 1e-6
+    )
 
 
 def test_a_moved_point_takes_its_neighbours_and_its_texture_along():
@@ -172,12 +190,17 @@ def test_a_moved_point_takes_its_neighbours_and_its_texture_along():
     dark = ink(moved) > 0.7
     assert np.flatnonzero(dark.any(axis=0)).max() / 2 == pytest.approx(15 + 30, abs=2.5)
     ring = edits.move(small(None), 4, 0.0, (10, 0))
-    assert np.array_equal(points(ring, 4)[0], points(ring, 4)[-1]) and points(ring, 4)[0] == pytest.approx([104, 45])
+    assert np.array_equal(points(ring, 4)[0], points(ring, 4)[-1]) and points(ring, 4)[
+        0
+    ] == pytest.approx([104, 45])
 
 
 def test_tapers_end_in_nothing_and_leave_rings_alone():
     drawing = edits.taper(straight(texture=False), 20.0)
-    assert drawing.strokes.thickness[[0, -1]] == pytest.approx(0) and drawing.strokes.thickness.max() == 8
+    assert (
+        drawing.strokes.thickness[[0, -1]] == pytest.approx(0)
+        and drawing.strokes.thickness.max() == 8
+    )
     inked = ink(edits.taper(straight(), 30.0)).sum(axis=0)
     assert inked[32] < 0.35 * inked[60] and inked[200] < 0.45 * inked[150]
     ring = small(None)
@@ -190,7 +213,9 @@ def test_recolouring_keeps_opacity_and_variation():
     assert np.array_equal(plain.texture.rgba[..., 3], small("grain").texture.rgba[..., 3])
     assert plain.color[0] == pytest.approx([0.8, 0.2, 0.1, 0.8])
     colours = edits.recolor(small("colours"), (0.5, 0.5, 0.5)).texture.rgba
-    assert colours[..., 0].std() > 30 and colours[..., 0][colours[..., 3] > 0].mean() == pytest.approx(128, abs=6)
+    assert colours[..., 0].std() > 30 and colours[..., 0][
+        colours[..., 3] > 0
+    ].mean() == pytest.approx(128, abs=6)
 
 
 def test_texture_of_a_copy_edited_by_nothing_is_nearly_the_same():
@@ -201,8 +226,16 @@ def test_texture_of_a_copy_edited_by_nothing_is_nearly_the_same():
 
 @pytest.mark.parametrize("edit", EDITS)
 def test_degenerate_strokes_come_through(edit):
-    xy = np.array([[5, 5], [5, 5], [9, 9], [20, 9], [9, 9], [9, 9.5], [9, 9], [1, 1], [1, 2]], float)
-    strokes = Strokes(xy, [0, 0, 0, 9, 0, 1, 0, 1e-9, 0], [0, 2, 4, 7, 9], [0, 1, 2, 3], [False, False, True, False])
+    xy = np.array(
+        [[5, 5], [5, 5], [9, 9], [20, 9], [9, 9], [9, 9.5], [9, 9], [1, 1], [1, 2]], float
+    )
+    strokes = Strokes(
+        xy,
+        [0, 0, 0, 9, 0, 1, 0, 1e-9, 0],
+        [0, 2, 4, 7, 9],
+        [0, 1, 2, 3],
+        [False, False, True, False],
+    )
     strip = Texture(np.full((40, 6, 4), 200, np.uint8), [0, 10, 20, 30, 40], 1.0)
     for texture in (None, strip):
         made = edit(Drawing(strokes, (30, 30), np.full((4, 4), 0.5), texture), None)
@@ -225,7 +258,9 @@ def test_strokes_are_cut_at_parts_and_nothing_is_seen_of_it(texture):
     assert not cut.strokes.closed.any() and len(cut.color) == 7
     assert cut.strokes.kind.tolist() == drawing.strokes.kind[[0, 0, 1, 2, 3, 4, 4]].tolist()
     # of pieces of flat, clear ink it would be seen that their round ends lie over each other
-    opaque = [replace(d, color=np.c_[d.color[:, :3], np.ones(len(d.color))]) for d in (drawing, cut)]
+    opaque = [
+        replace(d, color=np.c_[d.color[:, :3], np.ones(len(d.color))]) for d in (drawing, cut)
+    ]
     before, after = (rasterise(d, 3.0)[..., 3].astype(float) for d in opaque)
     assert np.abs(before - after).mean() < (0.2 if texture else 0.02)
     blob = rasterise(replace(opaque[1], texture=None), 3.0)[..., 3]
@@ -239,8 +274,8 @@ def test_strokes_are_cut_at_parts_and_nothing_is_seen_of_it(texture):
 
 
 def sheet(texture=None):
-    file = read_file(write_svg(small(texture)))
-    return Sheet(file.drawing, file.ids)
+    file = read_svg_file(write_svg(small(texture)))
+    return NamedDrawing(file.drawing, file.ids)
 
 
 @pytest.mark.parametrize(
@@ -254,13 +289,15 @@ def sheet(texture=None):
 )
 def test_strokes_are_dropped_by_length_and_kind(name, text, left):
     before = sheet("grain")
-    long = edits.lengths(before.drawing)
+    long = lengths(before.drawing)
     after = parse_edit(name, text)(before, 0)
     gone = [n for n in before.ids if n not in after.ids]
     expected = {
         "<88": [n for n, length in zip(before.ids, long, strict=True) if length < 88],
         "contour": ["s003", "s004"],
-        "valley,contour<90": [n for n, s in zip(before.ids, long, strict=True) if s < 90 and n not in ("s001", "s002")],
+        "valley,contour<90": [
+            n for n, s in zip(before.ids, long, strict=True) if s < 90 and n not in ("s001", "s002")
+        ],
         ">1000": [],
     }[text]
     assert gone == expected and len(after.drawing.strokes) == len(after.ids)
@@ -268,13 +305,16 @@ def test_strokes_are_dropped_by_length_and_kind(name, text, left):
 
 def test_an_edit_for_some_kinds():
     thick = parse_edit("thickness", "contour,valley=2")(sheet(), 0).drawing
-    ratio = [thick.strokes.thickness[a] / sheet().drawing.strokes.thickness[a] for a in thick.strokes.offsets[:-1]]
+    ratio = [
+        thick.strokes.thickness[a] / sheet().drawing.strokes.thickness[a]
+        for a in thick.strokes.offsets[:-1]
+    ]
     assert ratio == pytest.approx([2, 1, 1, 2, 2])
 
 
 def parts_sheet():
-    file = read_file(write_svg(with_parts(small("grain"))))
-    return Sheet(file.drawing, file.ids)
+    file = read_svg_file(write_svg(with_parts(small("grain"))))
+    return NamedDrawing(file.drawing, file.ids)
 
 
 @pytest.mark.parametrize(
@@ -300,7 +340,9 @@ def test_an_edit_for_some_parts(which, meant):
         sheet.drawing.parts.name(i) for i in range(5) if i not in meant
     ]
     none = parse_edit("drop", f"{which}<1")(sheet, 0)
-    assert none.ids == sheet.ids and read(write_svg(left.drawing)).parts.index.shape == (5 - len(meant),)
+    assert none.ids == sheet.ids and read_svg(write_svg(left.drawing)).parts.index.shape == (
+        5 - len(meant),
+    )
 
 
 @pytest.mark.parametrize("edit", EDITS)
@@ -311,21 +353,23 @@ def test_edits_keep_parts(edit):
 
 def test_a_part_may_be_called_as_a_length_is():
     drawing = replace(small(None), parts=Parts(("a<20", "b"), [0, 1, 1, 0, 1]))
-    sheet = edits.Sheet(drawing, ("",) * 5)
-    assert len(edits.parse_edit("drop", "a<20")(sheet, 0).ids) == 3
-    assert len(edits.parse_edit("drop", "b<20")(sheet, 0).ids) == 5  # none of b is so short
+    sheet = NamedDrawing(drawing, ("",) * 5)
+    assert len(parse_edit("drop", "a<20")(sheet, 0).ids) == 3
+    assert len(parse_edit("drop", "b<20")(sheet, 0).ids) == 5  # none of b is so short
 
 
 def test_a_name_of_a_kind_and_a_part_is_the_kind():
     drawing = replace(small(None), parts=Parts(("contour", "x"), [1, 0, 1, 0, 0]))
-    assert edits.named(drawing, "contour").tolist() == (drawing.strokes.kind == CONTOUR).tolist()
-    assert edits.named(drawing, "x").tolist() == [True, False, True, False, False]
+    assert strokes_named(drawing, "contour").tolist() == (drawing.strokes.kind == CONTOUR).tolist()
+    assert strokes_named(drawing, "x").tolist() == [True, False, True, False, False]
 
 
 @pytest.mark.parametrize("text", ["arm=2", "arm, crease=2", " ,=2", "contours=2", "=2=2"])
 def test_a_name_that_is_none_is_told_with_those_that_are(text):
     for sheet_of, words in ((sheet, "no named parts"), (parts_sheet, "the parts .*left ridge")):
-        with pytest.raises(ValueError, match=f"no such kind of line or part; .*contour, boundary.* {words}"):
+        with pytest.raises(
+            ValueError, match=f"no such kind of line or part; .*contour, boundary.* {words}"
+        ):
             parse_edit("thickness", text)(sheet_of(), 0)
 
 
@@ -347,7 +391,13 @@ def test_bad_edits_are_named(name, text, found):
 def test_a_stroke_is_named_by_id_or_number():
     for name in ("s003", "3"):
         moved = parse_edit("move", f"{name}:0.5:0,9")(sheet(), 0).drawing
-        assert [np.array_equal(points(moved, i), points(sheet().drawing, i)) for i in range(5)] == [1, 1, 1, 0, 1]
+        assert [np.array_equal(points(moved, i), points(sheet().drawing, i)) for i in range(5)] == [
+            1,
+            1,
+            1,
+            0,
+            1,
+        ]
     with pytest.raises(ValueError, match="s000, s001, s002, ..."):
         parse_edit("move", "s9:0.5:0,9")(sheet(), 0)
 
@@ -378,14 +428,20 @@ def test_edits_are_made_in_the_order_given(drawn, tmp_path):
     a, b = tmp_path / "a.svg", tmp_path / "b.svg"
     run(drawn, "-o", a, "--smooth", "5", "--wiggle", "3,20")
     run(drawn, "-o", b, "--wiggle", "3,20", "--smooth", "5")
-    assert np.ptp(read(a).strokes.xy - read(a).strokes.xy.mean(axis=0)) and a.read_text() != b.read_text()
+    assert (
+        np.ptp(read_svg(a).strokes.xy - read_svg(a).strokes.xy.mean(axis=0))
+        and a.read_text() != b.read_text()
+    )
 
 
 def test_no_edit_gives_the_same_file_and_options_change_it(drawn, tmp_path):
     out = tmp_path / "out.svg"
     assert run(drawn, "-o", out).exit_code == 0 and out.read_bytes() == drawn.read_bytes()
-    assert run(drawn, "-o", out, "--texture", "none", "--layers", "none", "--title", "b").exit_code == 0
-    file = read_file(out)
+    assert (
+        run(drawn, "-o", out, "--texture", "none", "--layers", "none", "--title", "b").exit_code
+        == 0
+    )
+    file = read_svg_file(out)
     assert (file.options.texture, file.options.layers, file.options.title) == ("none", "none", "b")
     assert file.options.page_size == "A4" and "<image" not in out.read_text()
 
@@ -393,7 +449,7 @@ def test_no_edit_gives_the_same_file_and_options_change_it(drawn, tmp_path):
 def test_a_pipe_of_edits(drawn):
     first = run("-", "-o", "-", "--wiggle", "2,20", input=drawn.read_bytes())
     second = run("-", "-o", "-", "--recolor", "#ff0000", input=first.stdout_bytes)
-    assert second.exit_code == 0 and read(second.stdout).color[0, :3].tolist() == [1, 0, 0]
+    assert second.exit_code == 0 and read_svg(second.stdout).color[0, :3].tolist() == [1, 0, 0]
     assert "5 strokes -> -" in second.stderr
 
 
@@ -401,7 +457,10 @@ def test_a_preview_and_what_is_left_out(drawn, tmp_path):
     text = drawn.read_text().replace("</svg>", "<text>mine</text></svg>")
     drawn.write_text(text.replace('class="stroke"', 'class="stroke" clip-path="url(#c)"', 2))
     result = run(drawn, "-o", tmp_path / "o.svgz", "--png", "--thickness", "2")
-    assert result.exit_code == 0 and "; left out: shapes 1, clips, gradients, filters 2" in result.stderr
+    assert (
+        result.exit_code == 0
+        and "; left out: shapes 1, clips, gradients, filters 2" in result.stderr
+    )
     picture = Image.open(io.BytesIO((tmp_path / "o.png").read_bytes()))
     assert picture.size == (1123, 794)  # A4 at 96 px an inch, lying as the canvas does
 

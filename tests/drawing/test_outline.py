@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from stroke_zoo import stroke, together, zoo
 
-from strokestyle.drawing.outline import exact_rings, outline, outlines, winding_number
+from strokestyle.drawing.outline import exact_rings, outline, outlines
 from strokestyle.drawing.strokes import Strokes, signed_distance
 from strokestyle.geometry.bezier import fit_cubics
+from strokestyle.geometry.polygons import winding_number
 
 
 def walked(ring, steps=12):
@@ -28,8 +29,13 @@ def test_outline_is_the_union_of_discs_within_tolerance(name):
     points, distance = points[near], distance[near]
     filled = sum(winding_number(ring, points) for ring in rings) != 0
     wrong = filled != (distance < 0)
-    assert np.abs(distance[wrong]).max(initial=0) <= 1.2 * tolerance  # holes, flips and spikes would be deep inside
-    assert signed_distance(line.xy, 0.5 * line.thickness, np.concatenate(rings)).max() <= 1.2 * tolerance
+    assert (
+        np.abs(distance[wrong]).max(initial=0) <= 1.2 * tolerance
+    )  # holes, flips and spikes would be deep inside
+    assert (
+        signed_distance(line.xy, 0.5 * line.thickness, np.concatenate(rings)).max()
+        <= 1.2 * tolerance
+    )
 
 
 def worst(line, tolerance=0.1, count=20000):
@@ -41,7 +47,9 @@ def worst(line, tolerance=0.1, count=20000):
     on = np.concatenate(rings)
     rng = np.random.default_rng(0)
     reach = line.thickness.max()
-    near = on[rng.integers(0, len(on), (3, count))] + rng.normal(0, [[[0.02]], [[0.1]], [[0.5]]], (3, count, 2))
+    near = on[rng.integers(0, len(on), (3, count))] + rng.normal(
+        0, [[[0.02]], [[0.1]], [[0.5]]], (3, count, 2)
+    )
     far = rng.uniform(line.xy.min(axis=0) - reach, line.xy.max(axis=0) + reach, (count, 2))
     points = np.concatenate([near.reshape(-1, 2), far])
     filled = sum(winding_number(ring, points) for ring in rings) != 0
@@ -82,13 +90,26 @@ def test_tangles_are_filled_within_tolerance(seed):
 @pytest.mark.parametrize("tolerance", [0.02, 0.01, 0.005])
 def test_a_fine_tolerance_is_held(tolerance):
     t = np.linspace(0, 1, 150)
-    loop = np.stack([60 + 80 * t + 25 * np.sin(4 * np.pi * t), 60 - 25 * np.cos(4 * np.pi * t)], axis=1)
+    loop = np.stack(
+        [60 + 80 * t + 25 * np.sin(4 * np.pi * t), 60 - 25 * np.cos(4 * np.pi * t)], axis=1
+    )
     assert worst(stroke(loop, 2 + 6 * t), tolerance, 40000) <= tolerance + 3e-4
 
 
 def test_cubics_keep_to_the_edges_of_a_polygon_between_its_points():
     """A thin wedge with round tips: a long edge beside a short one, whose tangents point far off it."""
-    ring = np.array([[0, 0.4], [3, 0.05], [3.05, 0], [3, -0.05], [0, -0.4], [-0.3, -0.25], [-0.4, 0], [-0.3, 0.25]])
+    ring = np.array(
+        [
+            [0, 0.4],
+            [3, 0.05],
+            [3.05, 0],
+            [3, -0.05],
+            [0, -0.4],
+            [-0.3, -0.25],
+            [-0.4, 0],
+            [-0.3, 0.25],
+        ]
+    )
     (cubics,) = fit_cubics([ring], [np.zeros(len(ring), bool)], 0.05)
     curve, step = walked(cubics, 48), np.roll(ring, -1, axis=0) - ring
     along = ((curve[:, None] - ring) * step).sum(axis=-1) / (step**2).sum(axis=-1)

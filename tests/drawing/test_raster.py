@@ -15,13 +15,17 @@ def supersampled(line, size, factor=5):
     return inside.reshape(size, factor, size, factor).mean(axis=(1, 3))
 
 
-@pytest.mark.parametrize("name", ["tapered line", "sharp bend", "closed", "nervous and uneven", "one disc in another"])
+@pytest.mark.parametrize(
+    "name", ["tapered line", "sharp bend", "closed", "nervous and uneven", "one disc in another"]
+)
 def test_flat_raster_is_the_covered_area(name):
     line = zoo()[name]
     image = rasterise(Drawing(line, (140, 140), [[0, 0, 0, 1]]), background=(1, 1, 1))
     exact = 255 * (1 - supersampled(line, 140))
     assert np.abs(image[..., 0] - exact).mean() < 0.25
-    assert np.abs(image[..., 0] - exact).max() < 110  # joins: the largest of two parts is less than their union
+    assert (
+        np.abs(image[..., 0] - exact).max() < 110
+    )  # joins: the largest of two parts is less than their union
 
 
 def test_thin_strokes_fade_instead_of_vanishing():
@@ -35,7 +39,9 @@ def test_distance_map_agrees_with_the_reference():
     crop, near = distance_map(line, 0, (140, 140), 6.0)
     y, x = np.nonzero(np.isfinite(near))
     points = np.stack([x + crop.x0 + 0.5, y + crop.y0 + 0.5], axis=1)
-    assert near[y, x] == pytest.approx(signed_distance(line.xy, 0.5 * line.thickness, points), abs=1e-9)
+    assert near[y, x] == pytest.approx(
+        signed_distance(line.xy, 0.5 * line.thickness, points), abs=1e-9
+    )
     assert np.isfinite(near).sum() > 2000
 
 
@@ -87,7 +93,9 @@ def test_texture_lies_along_and_across_the_stroke():
 
 def test_a_closed_ribbon_wraps():
     line = zoo()["closed"]
-    strip = np.zeros((6, 4, 4), np.uint8)  # rows of some 42 px: between two of them colours are interpolated
+    strip = np.zeros(
+        (6, 4, 4), np.uint8
+    )  # rows of some 42 px: between two of them colours are interpolated
     strip[..., 3] = 255
     strip[3:, :, 0] = 255
     image = rasterise(Drawing(line, (120, 120), [[0, 0, 0, 1]], Texture(strip, [0, 6], 2.0)))
@@ -96,13 +104,19 @@ def test_a_closed_ribbon_wraps():
 
 
 def test_where_a_stroke_crosses_itself_the_stronger_mark_shows():
-    t = np.linspace(-0.25, 0.75, 100)  # through the crossing at (60, 60) a quarter and three quarters of the way
-    line = stroke(np.stack([60 + 40 * np.sin(2 * np.pi * t), 60 + 30 * np.sin(4 * np.pi * t)], 1), 8)
+    t = np.linspace(
+        -0.25, 0.75, 100
+    )  # through the crossing at (60, 60) a quarter and three quarters of the way
+    line = stroke(
+        np.stack([60 + 40 * np.sin(2 * np.pi * t), 60 + 30 * np.sin(4 * np.pi * t)], 1), 8
+    )
     strip = np.zeros((100, 8, 4), np.uint8)
     strip[:50, :, 3] = 255  # the first half of the way is ink, the second is clear
     image = rasterise(Drawing(line, (120, 120), [[0, 0, 0, 1]], Texture(strip, [0, 100], 1.0)))
     x, y = np.floor(line.xy[20:30]).astype(int).T
-    assert (np.hypot(x - 60, y - 60) < 5).any() and image[y, x, 3].min() == 255  # no notch in the ink's way
+    assert (np.hypot(x - 60, y - 60) < 5).any() and image[
+        y, x, 3
+    ].min() == 255  # no notch in the ink's way
 
 
 def test_without_strokes_the_canvas_stays_clear():

@@ -20,8 +20,12 @@ def test_strip_points_and_pixels_are_inverse():
     u[found.pixel], v[found.pixel] = found.u, found.v
     pixel = np.floor(at).astype(int) - [crop.x0, crop.y0]
     index = (pixel[..., 1] * crop.w + pixel[..., 0])[2:-2, 1:-1]
-    rows, columns = np.meshgrid((np.arange(50) + 0.5) / 50, (2 * np.arange(9) + 1.0) / 9 - 1, indexing="ij")
-    assert np.abs(u[index] - rows[2:-2, 1:-1]).max() * band.length < 2.0  # within a pixel's diagonal and the bend
+    rows, columns = np.meshgrid(
+        (np.arange(50) + 0.5) / 50, (2 * np.arange(9) + 1.0) / 9 - 1, indexing="ij"
+    )
+    assert (
+        np.abs(u[index] - rows[2:-2, 1:-1]).max() * band.length < 2.0
+    )  # within a pixel's diagonal and the bend
     assert (np.abs(v[index] - columns[2:-2, 1:-1]) * 8.0).max() < 1.6
 
 
@@ -32,7 +36,9 @@ def test_blunt_ends_keep_a_wide_ribbon():
     band = ribbon(stroke(xy, thickness), 0, 2.0)
     assert band.half.min() > 7.0
     assert band.length == pytest.approx(60 + band.half[0] + band.half[-1])
-    slim = ribbon(stroke(xy, 6 - np.abs(xy[:, 0] - 30) / 5), 0, 2.0)  # narrows by a tenth a px: as drawn
+    slim = ribbon(
+        stroke(xy, 6 - np.abs(xy[:, 0] - 30) / 5), 0, 2.0
+    )  # narrows by a tenth a px: as drawn
     assert slim.half[-1] == pytest.approx(2.0)
 
 
@@ -42,7 +48,9 @@ def test_strips_stretch_outside_a_bend_and_fold_inside_a_tight_one():
     rows, columns = 120, 10
     band = ribbon(gentle, 0, 0.0)
     stretch = strip_stretch(band, rows, columns)[40:80]
-    inward = ((2 * np.arange(columns) + 1) / columns - 1) * 10  # the normal (-t_y, t_x) points to the centre here
+    inward = (
+        (2 * np.arange(columns) + 1) / columns - 1
+    ) * 10  # the normal (-t_y, t_x) points to the centre here
     assert stretch == pytest.approx(np.broadcast_to((50 - inward) / 50, stretch.shape), abs=0.02)
     tight = stroke(100 + 6 * np.stack([np.cos(t), np.sin(t)], axis=1), 20)
     assert strip_stretch(ribbon(tight, 0, 0.0), rows, columns).min() < 0

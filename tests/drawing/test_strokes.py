@@ -40,7 +40,13 @@ def test_a_disc_that_holds_the_next_is_all_there_is(turned):
     ],
 )
 def test_strokes_refuse_bad_arrays(change, message):
-    good = {"xy": np.zeros((2, 2)), "thickness": [1.0, 1.0], "offsets": [0, 2], "kind": [0], "closed": [False]}
+    good = {
+        "xy": np.zeros((2, 2)),
+        "thickness": [1.0, 1.0],
+        "offsets": [0, 2],
+        "kind": [0],
+        "closed": [False],
+    }
     with pytest.raises(ValueError, match=message):
         Strokes(**(good | change))
 
@@ -52,14 +58,23 @@ def test_drawing_refuses_what_does_not_belong_together():
     with pytest.raises(ValueError, match="between 0 and 1"):
         Drawing(line, (10, 10), [[0, 0, 0, 2]])
     with pytest.raises(ValueError, match="strips"):
-        Drawing(line, (10, 10), [[0, 0, 0, 1]], Texture(np.zeros((4, 3, 4), np.uint8), [0, 2, 4], 1.0))
+        Drawing(
+            line, (10, 10), [[0, 0, 0, 1]], Texture(np.zeros((4, 3, 4), np.uint8), [0, 2, 4], 1.0)
+        )
     with pytest.raises(ValueError, match="uint8"):
         Texture(np.zeros((4, 3, 4)), [0, 4], 1.0)
 
 
 def test_a_texture_has_a_margin_for_each_strip():
     assert Texture(np.zeros((4, 6, 4), np.uint8), [0, 1, 4], 2.0).margin.tolist() == [2.0, 2.0]
-    assert Texture(np.zeros((4, 6, 4), np.uint8), [0, 1, 4], [1.0, 3.0]).margin.tolist() == [1.0, 3.0]
-    for margin, message in (([1.0, 2.0, 3.0], "shape"), ([1.0, -1.0], "got -1"), (np.nan, "got nan")):
+    assert Texture(np.zeros((4, 6, 4), np.uint8), [0, 1, 4], [1.0, 3.0]).margin.tolist() == [
+        1.0,
+        3.0,
+    ]
+    for margin, message in (
+        ([1.0, 2.0, 3.0], "shape"),
+        ([1.0, -1.0], "got -1"),
+        (np.nan, "got nan"),
+    ):
         with pytest.raises(ValueError, match=message):
             Texture(np.zeros((4, 6, 4), np.uint8), [0, 1, 4], margin)

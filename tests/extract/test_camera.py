@@ -50,13 +50,17 @@ def test_named_views_look_from_where_they_say():
     assert np.allclose(fit_camera(box, "front").axes[2], [0, 0, -1])
     assert np.allclose(fit_camera(box, "side").axes[2], [-1, 0, 0])
     assert fit_camera(box, "top").axes[2][1] < -0.99
-    assert np.allclose(fit_camera(box, "front", up="z").axes[2], [0, 1, 0])  # the front of a z-up shape faces -y
+    assert np.allclose(
+        fit_camera(box, "front", up="z").axes[2], [0, 1, 0]
+    )  # the front of a z-up shape faces -y
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_turning_is_the_azimuth_of_a_view(up):
     box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
-    assert np.allclose(fit_camera(box, "0,20", up=up).turned(90.0).axes, fit_camera(box, "90,20", up=up).axes)
+    assert np.allclose(
+        fit_camera(box, "0,20", up=up).turned(90.0).axes, fit_camera(box, "90,20", up=up).axes
+    )
     assert np.allclose(front().turned(360.0).eye, front().eye)
 
 
@@ -87,12 +91,21 @@ def test_file_round_trip(tmp_path):
         ("", "JSON"),
         ("[1, 2]", "JSON object"),
         ('{"eye": [0, 0, 1]}', "no target, fov_y_deg, size"),
-        ('{"eye": [0, 0, 1], "target": [0, 0, 1], "fov_y_deg": 30, "size": [64, 64]}', "same point"),
-        ('{"eye": [0, 9, 0], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64, 64]}', "up points along"),
+        (
+            '{"eye": [0, 0, 1], "target": [0, 0, 1], "fov_y_deg": 30, "size": [64, 64]}',
+            "same point",
+        ),
+        (
+            '{"eye": [0, 9, 0], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64, 64]}',
+            "up points along",
+        ),
         ('{"eye": [0, 0, "x"], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64, 64]}', "eye"),
         ('{"eye": [0, 0, 1], "target": [0, 0, 0], "fov_y_deg": 300, "size": [64, 64]}', "fov_y"),
         ('{"eye": [0, 0, 1], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64]}', "unpack"),
-        ('{"eye": [0, 0, 1], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64, 1000000]}', "height"),
+        (
+            '{"eye": [0, 0, 1], "target": [0, 0, 0], "fov_y_deg": 30, "size": [64, 1000000]}',
+            "height",
+        ),
     ],
 )
 def test_bad_camera_files_are_named(tmp_path, text, word):

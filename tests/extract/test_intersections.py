@@ -6,9 +6,12 @@ import shapes
 
 from strokestyle.extract.camera import Camera, fit_camera
 from strokestyle.extract.intersections import crossings, overlapping_boxes
-from strokestyle.extract.rays import Scene
-from strokestyle.extract.segments import LineOptions, feature_curves, intersection_segments
-from strokestyle.extract.view import extract, visible_fragments
+from strokestyle.extract.line_options import LineOptions
+from strokestyle.extract.lines import feature_curves
+from strokestyle.extract.pipeline import extract_view
+from strokestyle.extract.rays import Bvh
+from strokestyle.extract.segments import intersection_segments
+from strokestyle.extract.visible import visible_fragments
 from strokestyle.geometry.curves import KINDS
 from strokestyle.mesh.surface import make_surface
 
@@ -64,7 +67,9 @@ def test_boxes_overlap_as_all_pairs_say(count):
 def test_faces_cross_as_their_sides_say():
     vertices, faces, group = scatter(60)
     found = crossings(vertices, faces, group)
-    expected = [(i, j) for i in range(60) for j in range(i + 1, 60) if by_signs(vertices, faces, i, j)]
+    expected = [
+        (i, j) for i in range(60) for j in range(i + 1, 60) if by_signs(vertices, faces, i, j)
+    ]
     assert len(expected) > 40 and list(map(tuple, found.face)) == expected
     for k in range(len(found)):  # both ends lie on both faces
         for end in range(2):
@@ -80,7 +85,9 @@ def test_faces_that_nearly_lie_on_each_other_do_not_cross(degrees, found):
     t = np.radians(degrees)
     flat = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.0, 0.5, 0.0]])
     turned = flat @ np.array([[np.cos(t), 0, np.sin(t)], [0, 1, 0], [-np.sin(t), 0, np.cos(t)]])
-    assert len(crossings(np.vstack([flat, turned]), np.arange(6).reshape(2, 3), np.arange(2))) == found
+    assert (
+        len(crossings(np.vstack([flat, turned]), np.arange(6).reshape(2, 3), np.arange(2))) == found
+    )
 
 
 def test_two_spheres_meet_in_a_circle():
@@ -96,20 +103,24 @@ def test_two_spheres_meet_in_a_circle():
         height = (far**2 + 1.0 - 0.49) / (2.0 * far)
         along = points @ offset / far
         aside = np.linalg.norm(points - along[:, None] * offset / far, axis=1)
-        error.append(max(np.abs(along - height).max(), np.abs(aside - np.sqrt(1.0 - height**2)).max()))
+        error.append(
+            max(np.abs(along - height).max(), np.abs(aside - np.sqrt(1.0 - height**2)).max())
+        )
     assert error[1] < 0.4 * error[0] and error[1] < 2e-3
 
 
 def test_a_circle_is_seen_where_it_faces_the_eye():
     big, small = shapes.sphere(4), shapes.sphere(4, 0.7)
     surface = make_surface(*together(big, (small.vertices + [0.9, 0.0, 0.0], small.faces))[:2])
-    scene = Scene(surface)
+    scene = Bvh(surface)
     size = 0.5 * np.ptp(surface.vertices[:, 1])  # of the large sphere
     circle = 2 * np.pi * np.sqrt(1 - ((0.81 + 1 - 0.49) / 1.8) ** 2) * size
     share = []
     for eye in ((60.0, 0.0, 0.0), (-60.0, 0.0, 0.0), (0.0, 0.0, 60.0)):
         camera = Camera(eye, (0, 0, 0), (0, 1, 0), 1.5, 512, 512)
-        fragments, _ = visible_fragments(surface, camera, feature_curves(surface, camera, ONLY), scene)
+        fragments, _ = visible_fragments(
+            surface, camera, feature_curves(surface, camera, ONLY), scene
+        )
         share.append(fragments.lengths().sum() * 60.0 / camera.focal / circle)
     # from the small sphere's side half of it would be seen at the rim; here it is behind the small sphere's widest part
     assert share[0] < 0.01 and share[1] < 0.01
@@ -123,7 +134,9 @@ def test_a_cube_through_a_cube():
     assert len(curves) == 1 and curves.closed[0]
     points = surface.original(curves.points(surface))
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
-    assert length == pytest.approx(2 * (0.5 + 0.7 + 0.8))  # of the box that both share, the edges of two corners
+    assert length == pytest.approx(
+        2 * (0.5 + 0.7 + 0.8)
+    )  # of the box that both share, the edges of two corners
     for middle in (np.zeros(3), [0.5, 0.3, 0.2]):
         assert (np.abs(points - middle).max(axis=1) < 0.5 + 1e-6).all()
 
@@ -132,11 +145,17 @@ def test_a_part_of_a_drawing():
     """A ball on a board: without the line where they meet it would float."""
     board, ball = shapes.cube(9), shapes.sphere(4, 0.4)
     surface = make_surface(
-        *together((board.vertices * [2, 0.2, 2], board.faces), (ball.vertices + [0, 0.2, 0], ball.faces))[:2]
+        *together(
+            (board.vertices * [2, 0.2, 2], board.faces), (ball.vertices + [0, 0.2, 0], ball.faces)
+        )[:2]
     )
     camera = fit_camera(surface.vertices, "20,35")
-    circle = 2 * np.pi * 0.4 / 4 * camera.focal / np.linalg.norm(camera.eye)  # px, seen from straight above
-    length = [extract(surface, camera, options).curves.lengths().sum() for options in (None, WITHOUT)]
+    circle = (
+        2 * np.pi * 0.4 / 4 * camera.focal / np.linalg.norm(camera.eye)
+    )  # px, seen from straight above
+    length = [
+        extract_view(surface, camera, options).curves.lengths().sum() for options in (None, WITHOUT)
+    ]
     assert 0.4 * circle < length[0] - length[1] < 0.8 * circle
 
 

@@ -6,18 +6,23 @@ import numpy as np
 import pytest
 
 from strokestyle.extract.camera import fit_camera
-from strokestyle.extract.rays import LIFT, NEAR, Scene
-from strokestyle.extract.segments import LineOptions, feature_curves
+from strokestyle.extract.line_options import LineOptions
+from strokestyle.extract.lines import feature_curves
+from strokestyle.extract.rays import LIFT, NEAR, Bvh
 from strokestyle.geometry.curves import owner
 from strokestyle.mesh.surface import make_surface
 
 
 def grid(rows, columns, wrap_rows=True):
     """Triangles of a rows x columns grid whose columns, and perhaps rows, wrap round."""
-    i, j = np.meshgrid(np.arange(rows if wrap_rows else rows - 1), np.arange(columns), indexing="ij")
+    i, j = np.meshgrid(
+        np.arange(rows if wrap_rows else rows - 1), np.arange(columns), indexing="ij"
+    )
     a, b = i * columns + j, i * columns + (j + 1) % columns
     c, d = (i + 1) % rows * columns + j, (i + 1) % rows * columns + (j + 1) % columns
-    return np.concatenate([np.stack([a, c, b], 2).reshape(-1, 3), np.stack([b, c, d], 2).reshape(-1, 3)])
+    return np.concatenate(
+        [np.stack([a, c, b], 2).reshape(-1, 3), np.stack([b, c, d], 2).reshape(-1, 3)]
+    )
 
 
 def sphere(rows=40, columns=80, radius=lambda direction: 0.5):
@@ -28,16 +33,21 @@ def sphere(rows=40, columns=80, radius=lambda direction: 0.5):
     d = np.concatenate([d, [[0, 1, 0], [0, -1, 0]]])
     k, n = np.arange(columns), len(d)
     top = np.stack([k, np.roll(k, -1), np.full(columns, n - 2)], 1)
-    bottom = np.stack([np.roll(k, -1), k, np.full(columns, n - 1)], 1) + [[n - 2 - columns, n - 2 - columns, 0]]
+    bottom = np.stack([np.roll(k, -1), k, np.full(columns, n - 1)], 1) + [
+        [n - 2 - columns, n - 2 - columns, 0]
+    ]
     faces = np.concatenate([grid(rows, columns, wrap_rows=False), top, bottom])
     return make_surface(d * np.broadcast_to(radius(d), len(d))[:, None], faces)
 
 
 def torus(rows=120, columns=60, thick=0.16):
-    a, b = np.meshgrid(2 * np.pi * np.arange(rows) / rows, 2 * np.pi * np.arange(columns) / columns, indexing="ij")
+    a, b = np.meshgrid(
+        2 * np.pi * np.arange(rows) / rows, 2 * np.pi * np.arange(columns) / columns, indexing="ij"
+    )
     ring = 0.5 - thick + thick * np.cos(b)
     return make_surface(
-        np.stack([ring * np.cos(a), thick * np.sin(b), ring * np.sin(a)], 2).reshape(-1, 3), grid(rows, columns)
+        np.stack([ring * np.cos(a), thick * np.sin(b), ring * np.sin(a)], 2).reshape(-1, 3),
+        grid(rows, columns),
     )
 
 
@@ -54,16 +64,23 @@ def middles(surface, camera, kinds):
     points, which = lines.points(surface), owner(lines.offsets)
     first = np.flatnonzero(which[:-1] == which[1:])
     length = np.linalg.norm(points[first + 1] - points[first], axis=1)
-    return 0.5 * (points[first] + points[first + 1]), lines.face[first], length, lines.kind[which[first]]
+    return (
+        0.5 * (points[first] + points[first + 1]),
+        lines.face[first],
+        length,
+        lines.kind[which[first]],
+    )
 
 
 def shares(seen, truth, length):
     """Recall and false share of the seen length."""
-    return (length * (seen & truth)).sum() / (length * truth).sum(), (length * (seen & ~truth)).sum() / length.sum()
+    return (length * (seen & truth)).sum() / (length * truth).sum(), (
+        length * (seen & ~truth)
+    ).sum() / length.sum()
 
 
 def brute_force(surface, eye, position, face):
-    """`Scene.seen` for smooth lines in double precision: every triangle against every ray (Moller-Trumbore)."""
+    """`Bvh.seen` for smooth lines in double precision: every triangle against every ray (Moller-Trumbore)."""
     corner = surface.vertices[surface.faces]
     edges = np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2).mean(axis=1)
     normal = surface.normals[surface.faces[face]].sum(axis=1)
@@ -77,7 +94,11 @@ def brute_force(surface, eye, position, face):
         h = np.cross(ray, e2)
         with np.errstate(divide="ignore", invalid="ignore"):
             f = 1.0 / np.einsum("ij,ij->i", e1, h)
-            u, v, t = f * np.einsum("ij,ij->i", eye - a, h), f * (q @ ray), f * np.einsum("ij,ij->i", e2, q)
+            u, v, t = (
+                f * np.einsum("ij,ij->i", eye - a, h),
+                f * (q @ ray),
+                f * np.einsum("ij,ij->i", e2, q),
+            )
         hit = np.flatnonzero((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1 - 1e-9))
         own = np.isin(surface.faces[hit], surface.faces[face[i]]).any(axis=1)
         gap = (1 - t[hit]) * np.linalg.norm(ray)
@@ -93,7 +114,7 @@ def test_hits_on_a_sphere():
     rng = np.random.default_rng(0)
     eye = np.array([1.0, 0.7, 2.0])
     direction = -eye + 0.6 * rng.normal(size=(2000, 3))
-    hits = Scene(surface).first_hit(eye, direction)
+    hits = Bvh(surface).first_hit(eye, direction)
     unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
     b = unit @ eye
     inside = b * b - eye @ eye + 0.25
@@ -112,10 +133,12 @@ def test_units_and_places_do_not_matter():
     surface = sphere()
     rng = np.random.default_rng(1)
     direction = rng.normal(size=(500, 3)) - [0, 0, 3]
-    reference = Scene(surface).first_hit([0, 0, 2.0], direction)
+    reference = Bvh(surface).first_hit([0, 0, 2.0], direction)
     for scale, shift in ((1e-5, 0.0), (1e5, 0.0), (1.0, 1e4), (300.0, -1e6)):
-        moved = SimpleNamespace(vertices=surface.vertices * scale + shift, faces=surface.faces, normals=surface.normals)
-        hits = Scene(moved).first_hit(np.array([0, 0, 2.0]) * scale + shift, direction)
+        moved = SimpleNamespace(
+            vertices=surface.vertices * scale + shift, faces=surface.faces, normals=surface.normals
+        )
+        hits = Bvh(moved).first_hit(np.array([0, 0, 2.0]) * scale + shift, direction)
         assert (hits.face == reference.face).mean() > 0.99
         same = (hits.face == reference.face) & (hits.face >= 0)
         assert np.allclose(hits.distance[same] / scale, reference.distance[same], rtol=1e-4)
@@ -132,14 +155,14 @@ def test_the_front_of_a_sphere_is_seen():
     to_eye = camera.eye - place
     facing = np.einsum("ij,ij->i", surface.face_normals, to_eye) / np.linalg.norm(to_eye, axis=1)
     for sharp in (False, True):
-        seen = Scene(surface).seen(camera.eye, face, place, np.full(len(face), sharp))
+        seen = Bvh(surface).seen(camera.eye, face, place, np.full(len(face), sharp))
         assert seen[facing > 0.01].all() and not seen[facing < -0.3].any()
 
 
 def test_contours_of_a_torus_against_the_torus_itself():
     """Recall >= .998, false <= .003 of the length, where the formula of the torus says what is hidden."""
     surface = torus()
-    scene = Scene(surface)
+    scene = Bvh(surface)
     t = np.linspace(0, 1, 4000)[:, None]
     results = []
     for view in ("three-quarter", "20,40", "0,25"):
@@ -166,7 +189,9 @@ def bumpy(d):
 def test_embree_agrees_with_brute_force(kind):
     surface = sphere(36, 72, bumpy)
     camera = fit_camera(surface.vertices, "three-quarter")
-    options = LineOptions(kinds=(kind,), suggestive=0.001, ridge=0.02, valley=0.02, apparent=0.02, hysteresis=0.0)
+    options = LineOptions(
+        kinds=(kind,), suggestive=0.001, ridge=0.02, valley=0.02, apparent=0.02, hysteresis=0.0
+    )
     lines = feature_curves(surface, camera, options)
     points, which = lines.points(surface), owner(lines.offsets)
     first = np.flatnonzero(which[:-1] == which[1:])[::2]
@@ -174,7 +199,7 @@ def test_embree_agrees_with_brute_force(kind):
     length = np.linalg.norm(points[first + 1] - points[first], axis=1)
     assert len(first) > 50
     truth = brute_force(surface, camera.eye, position, face)
-    seen = Scene(surface).seen(camera.eye, face, position, np.zeros(len(face), bool))
+    seen = Bvh(surface).seen(camera.eye, face, position, np.zeros(len(face), bool))
     recall, false = shares(seen, truth, length)
     assert recall >= 0.998 and false <= 0.003
     assert kind != "contour" or 0.02 < 1 - truth.mean() < 0.9
@@ -185,13 +210,15 @@ def test_naive_rays_would_fail():
     surface = sphere(36, 72, bumpy)
     camera = fit_camera(surface.vertices, "three-quarter")
     position, face, length, _ = middles(surface, camera, ("contour",))
-    scene = Scene(surface)
+    scene = Bvh(surface)
     ruled = scene.seen(camera.eye, face, position, np.zeros(len(face), bool))
     naive = scene.seen(camera.eye, face, position, np.ones(len(face), bool))
     assert shares(naive, ruled, length)[0] < 0.8
 
 
-@pytest.mark.parametrize("view, expected", [("three-quarter", 9), ("40,20", 9), ("10,-30", 7), ("front", 4)])
+@pytest.mark.parametrize(
+    "view, expected", [("three-quarter", 9), ("40,20", 9), ("10,-30", 7), ("front", 4)]
+)
 def test_edges_of_a_cube(view, expected):
     surface = make_surface(CUBE, CUBE_FACES)
     camera = fit_camera(surface.vertices, view)
@@ -200,7 +227,7 @@ def test_edges_of_a_cube(view, expected):
     first = np.flatnonzero(which[:-1] == which[1:])
     for t in (0.02, 0.3, 0.98):
         place = ends[first] + t * (ends[first + 1] - ends[first])
-        seen = Scene(surface).seen(camera.eye, lines.face[first], place, np.ones(len(first), bool))
+        seen = Bvh(surface).seen(camera.eye, lines.face[first], place, np.ones(len(first), bool))
         # the cube is convex: an edge is seen where one of its two sides, x = 0.5 say, has the eye before it
         facing = ((np.abs(place) > 0.4999) & (camera.eye * np.sign(place) > 0.5)).any(axis=1)
         assert np.array_equal(seen, facing) and seen.sum() == expected
@@ -210,11 +237,17 @@ def test_open_surfaces_are_seen_from_both_sides():
     i, j = np.meshgrid(np.arange(9), np.arange(9), indexing="ij")
     plane = np.stack([i.ravel() / 8 - 0.5, j.ravel() / 8 - 0.5, np.zeros(81)], axis=1)
     a = (i[:-1, :-1] * 9 + j[:-1, :-1]).ravel()
-    surface = make_surface(plane, np.concatenate([np.stack([a, a + 9, a + 1], 1), np.stack([a + 1, a + 9, a + 10], 1)]))
+    surface = make_surface(
+        plane, np.concatenate([np.stack([a, a + 9, a + 1], 1), np.stack([a + 1, a + 9, a + 10], 1)])
+    )
     place, face = surface.vertices[surface.faces].mean(axis=1), np.arange(len(surface.faces))
     for z in (2.0, -2.0):
         for sharp in (False, True):
-            assert Scene(surface).seen(np.array([0.3, 0.2, z]), face, place, np.full(len(face), sharp)).all()
+            assert (
+                Bvh(surface)
+                .seen(np.array([0.3, 0.2, z]), face, place, np.full(len(face), sharp))
+                .all()
+            )
 
 
 def test_what_stands_before_hides():
@@ -223,7 +256,7 @@ def test_what_stands_before_hides():
     both = make_surface(vertices, np.concatenate([ball.faces, ball.faces + len(ball.vertices)]))
     small = np.arange(len(ball.faces), 2 * len(ball.faces))
     place = both.vertices[both.faces[small]].mean(axis=1)
-    scene = Scene(both)
+    scene = Bvh(both)
     for sharp in (False, True):
         flags = np.full(len(small), sharp)
         front = np.array([0, 0, 5.0])
@@ -242,8 +275,10 @@ def test_the_lift_does_not_show_one_body_through_another():
     lines = feature_curves(both, camera, LineOptions(kinds=("contour",)))
     points = np.einsum("ni,nij->nj", lines.bary, both.vertices[both.faces[lines.face]])
     body = both.component[lines.face]
-    assert set(body.tolist()) == {0, 1} and 0.015 * 0.5 < LIFT * np.pi / 24  # the inner one is within the lift
-    seen = Scene(both).seen(camera.eye, lines.face, points, np.zeros(len(points), bool))
+    assert (
+        set(body.tolist()) == {0, 1} and 0.015 * 0.5 < LIFT * np.pi / 24
+    )  # the inner one is within the lift
+    seen = Bvh(both).seen(camera.eye, lines.face, points, np.zeros(len(points), bool))
     assert seen[body == body[np.linalg.norm(points, axis=1).argmax()]].mean() > 0.95
     assert not seen[body == body[np.linalg.norm(points, axis=1).argmin()]].any()
 
@@ -261,13 +296,15 @@ def test_two_bodies_of_one_shape_do_not_hide_each_others_rims(turn):
     camera = fit_camera(both.vertices, "20,30")
     lines = feature_curves(both, camera, LineOptions(kinds=("contour",)))
     points = np.einsum("ni,nij->nj", lines.bary, both.vertices[both.faces[lines.face]])
-    seen = Scene(both).seen(camera.eye, lines.face, points, np.zeros(len(points), bool))
-    assert seen[np.linalg.norm(points, axis=1) > np.linalg.norm(points, axis=1).mean()].mean() > 0.97
+    seen = Bvh(both).seen(camera.eye, lines.face, points, np.zeros(len(points), bool))
+    assert (
+        seen[np.linalg.norm(points, axis=1) > np.linalg.norm(points, axis=1).mean()].mean() > 0.97
+    )
 
 
 def test_nothing_much_is_no_trouble():
     single = make_surface(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
-    scene = Scene(single)
+    scene = Bvh(single)
     none = scene.seen(np.array([0, 0, 2.0]), np.zeros(0, int), np.zeros((0, 3)), np.zeros(0, bool))
     assert none.shape == (0,)
     hits = scene.first_hit(np.zeros(3), np.zeros((0, 3)))
@@ -277,5 +314,7 @@ def test_nothing_much_is_no_trouble():
     # an eye on the very point, and in the very plane
     for eye in (middle[0], np.array([3.0, 0, 0]) + middle[0]):
         assert scene.seen(eye, [0], middle, [True]).shape == (1,)
-    empty = Scene(SimpleNamespace(vertices=np.zeros((0, 3)), faces=np.zeros((0, 3)), normals=np.zeros((0, 3))))
+    empty = Bvh(
+        SimpleNamespace(vertices=np.zeros((0, 3)), faces=np.zeros((0, 3)), normals=np.zeros((0, 3)))
+    )
     assert (empty.first_hit(np.zeros(3), np.eye(3)).face == -1).all()

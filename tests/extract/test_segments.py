@@ -9,14 +9,21 @@ import pytest
 import shapes
 from scipy.spatial import cKDTree
 
+from strokestyle.extract import lines as line_choice
 from strokestyle.extract import segments as lines
 from strokestyle.extract.camera import Camera, fit_camera
-from strokestyle.extract.segments import LineOptions, SurfaceCurves, ViewFields, feature_curves
+from strokestyle.extract.chain import chain_segments
+from strokestyle.extract.line_options import SURFACE_KINDS, LineOptions
+from strokestyle.extract.lines import feature_curves
+from strokestyle.extract.surface_curves import SurfaceCurves
+from strokestyle.extract.view_curvature import ViewFields
 from strokestyle.geometry.curves import KINDS
 from strokestyle.mesh.surface import make_surface
 
 SHARED = os.environ.get("STROKESTYLE_SHARED")
-needs_oracles = pytest.mark.skipif(not SHARED, reason="STROKESTYLE_SHARED names no folder with rtsc's segments")
+needs_oracles = pytest.mark.skipif(
+    not SHARED, reason="STROKESTYLE_SHARED names no folder with rtsc's segments"
+)
 
 
 def camera(eye=(0.8, 0.6, 2.5), up=(0, 1, 0)):
@@ -24,7 +31,9 @@ def camera(eye=(0.8, 0.6, 2.5), up=(0, 1, 0)):
 
 
 def only(kind, **options):
-    return LineOptions(kinds=(kind,), **{"smooth": 0.0, "hysteresis": 0.0, "sharpness": 0.0, **options})
+    return LineOptions(
+        kinds=(kind,), **{"smooth": 0.0, "hysteresis": 0.0, "sharpness": 0.0, **options}
+    )
 
 
 def lengths(surface, curves):
@@ -45,7 +54,9 @@ def check(surface, curves):
         # each piece lies in the face of its first row: so does its end
         a, b, c = (surface.vertices[surface.faces[face[:-1], k]] for k in range(3))
         away = np.einsum("ij,ij->i", p[1:] - a, surface.face_normals[face[:-1]])
-        longest = np.max([np.linalg.norm(q - r, axis=1) for q, r in ((a, b), (b, c), (c, a))], axis=0)
+        longest = np.max(
+            [np.linalg.norm(q - r, axis=1) for q, r in ((a, b), (b, c), (c, a))], axis=0
+        )
         assert np.abs(away).max() < 1e-9
         assert (np.linalg.norm(np.diff(p, axis=0), axis=1) <= longest + 1e-9).all()
         assert (np.linalg.norm(np.diff(p, axis=0), axis=1) > 0).all()
@@ -63,11 +74,17 @@ def test_the_contour_of_a_sphere_is_one_circle():
     assert len(curves) == 1 and curves.closed.all() and KINDS[curves.kind[0]] == "contour"
     points = curves.points(surface)
     distance = np.linalg.norm(eye)
-    assert np.abs(points @ eye / distance - 0.25 / distance).max() < 1e-3  # the polar plane of the eye
-    assert lengths(surface, curves)[0] == pytest.approx(2 * np.pi * 0.5 * np.sqrt(1 - (0.5 / distance) ** 2), rel=5e-3)
+    assert (
+        np.abs(points @ eye / distance - 0.25 / distance).max() < 1e-3
+    )  # the polar plane of the eye
+    assert lengths(surface, curves)[0] == pytest.approx(
+        2 * np.pi * 0.5 * np.sqrt(1 - (0.5 / distance) ** 2), rel=5e-3
+    )
     assert (curves.strength == 1).all()
     height = points @ camera(eye).axes[1]
-    assert height[0] == height.min()  # a loop starts at the top of the picture (the y axis of the image points down)
+    assert (
+        height[0] == height.min()
+    )  # a loop starts at the top of the picture (the y axis of the image points down)
 
 
 def test_a_contour_keeps_the_facing_side_to_its_left():
@@ -143,7 +160,9 @@ def test_strength_of_a_ridge_is_neural_contours_formula():
     options = only("ridge", ridge=0.05)
     curves = feature_curves(surface, camera(), options)
     k = curves.interpolate(surface, np.abs(surface.k1))
-    assert np.allclose(curves.strength, np.maximum(0, 1 - options.ridge / (surface.feature_size * k)), atol=1e-9)
+    assert np.allclose(
+        curves.strength, np.maximum(0, 1 - options.ridge / (surface.feature_size * k)), atol=1e-9
+    )
     assert curves.strength.max() > 0.3
 
 
@@ -160,7 +179,10 @@ def test_strength_of_a_ridge_is_neural_contours_formula():
 def test_sharpness_of_conics(z, first, second, expected):
     """-k'' / k^3 at the tip is 3 e^2: 0 on a circle, 3 on a parabola, 6 on the right-angled hyperbola."""
     shape = shapes.height_field(
-        lambda x, y: z(x), lambda x, y: (first(x), 0 * x), lambda x, y: (second(x), 0 * x, 0 * x), n=81
+        lambda x, y: z(x),
+        lambda x, y: (first(x), 0 * x),
+        lambda x, y: (second(x), 0 * x, 0 * x),
+        n=81,
     )
     surface = make_surface(*shape)
     tip = np.abs(shape.vertices[:, 0]) < 0.05
@@ -175,7 +197,9 @@ def test_sharpness_of_conics(z, first, second, expected):
 
 def test_an_exact_extremum_is_no_trouble():
     """A cylinder's curvature is constant: every derivative is exactly or nearly 0."""
-    options = LineOptions(lines.SURFACE_KINDS, smooth=0.0, ridge=0, valley=0, apparent=0, suggestive=0, hysteresis=0)
+    options = LineOptions(
+        SURFACE_KINDS, smooth=0.0, ridge=0, valley=0, apparent=0, suggestive=0, hysteresis=0
+    )
     for shape in (shapes.cylinder(), shapes.plane()):
         surface = make_surface(*shape)
         check(surface, feature_curves(surface, camera(), options))
@@ -223,7 +247,11 @@ def test_derivative_of_the_radial_curvature():
         view = eye - (big * outward + small * normal)
         view /= np.linalg.norm(view, axis=1, keepdims=True)
         u, v = (np.einsum("ij,ij->i", view, d) for d in (tube, turn))
-        return (u * u / small + v * v * np.cos(t) / (big + small * np.cos(t))) / (u * u + v * v), u, v
+        return (
+            (u * u / small + v * v * np.cos(t) / (big + small * np.cos(t))) / (u * u + v * v),
+            u,
+            v,
+        )
 
     kr, u, v = radial(a, t)
     sine = np.hypot(u, v)
@@ -234,7 +262,9 @@ def test_derivative_of_the_radial_curvature():
     fields = ViewFields.of(surface, eye / surface.scale)
     good = sine > 0.2
     unit = surface.scale
-    assert np.allclose((fields.radial_curvature(surface) / unit)[good], (kr * sine**2)[good], atol=0.02)
+    assert np.allclose(
+        (fields.radial_curvature(surface) / unit)[good], (kr * sine**2)[good], atol=0.02
+    )
     found = fields.radial_derivative(surface) / unit**2
     assert np.abs(found - slope * sine)[good].max() < 0.03 * np.abs(slope[good]).max()
 
@@ -246,7 +276,9 @@ def test_the_derivative_tensor_is_contracted_whole():
     p, q, r, s = tensor.T
     full = np.stack([p, q, q, r, q, r, r, s], 1).reshape(-1, 2, 2, 2)
     w = np.stack([view.u, view.v], 1)
-    expected = np.einsum("vijk,vi,vj,vk->v", full, w, w, w) / (w * w).sum(axis=1)  # k1 = k2: nothing turns
+    expected = np.einsum("vijk,vi,vj,vk->v", full, w, w, w) / (w * w).sum(
+        axis=1
+    )  # k1 = k2: nothing turns
     assert np.allclose(view.radial_derivative(replace(surface, dcurv=tensor)), expected)
 
 
@@ -254,7 +286,9 @@ def test_slopes_along_a_direction_are_foreshortened():
     surface = make_surface(*shapes.plane(9))
     value = surface.vertices @ [2.0, 1.0, 0.0]
     direction = np.tile([1.0, 0.0, 0.0], (len(value), 1))
-    slope = lines._slope(surface, value, direction, np.full(len(value), -0.5), np.arange(len(surface.faces)))
+    slope = lines._slope(
+        surface, value, direction, np.full(len(value), -0.5), np.arange(len(surface.faces))
+    )
     inner = np.abs(surface.vertices).max(axis=1) < 0.49
     assert np.allclose(slope[inner], 4.0)
 
@@ -262,7 +296,9 @@ def test_slopes_along_a_direction_are_foreshortened():
 def test_flat_parts_have_no_suggestive_rims():
     """Half flat, half rising: all of the flat half has kr = 0, which is no line."""
     z = lambda x, y: 0.2 * np.maximum(x, 0) ** 2  # noqa: E731
-    shape = shapes.height_field(z, lambda x, y: (0 * x, 0 * x), lambda x, y: (0 * x, 0 * x, 0 * x), n=21)
+    shape = shapes.height_field(
+        z, lambda x, y: (0 * x, 0 * x), lambda x, y: (0 * x, 0 * x, 0 * x), n=21
+    )
     surface = make_surface(*shape)
     assert (surface.k1[shape.vertices[:, 0] < -0.2] == 0).all() and surface.k1.any()
     curves = feature_curves(surface, camera((-1.5, 0.1, 1.5)), only("suggestive", suggestive=0.0))
@@ -275,11 +311,21 @@ def test_view_dependent_curvature():
     fields = ViewFields.of(surface, np.array([0.0, 0.0, 1e3]))
     curvature, direction = fields.view_curvature(surface)
     facing = fields.n_dot_v > 0.05
-    expected = (2.0 / fields.n_dot_v[facing]) ** 2  # radius 1/2; a singular value is stretched by 1 / n.v
+    expected = (
+        2.0 / fields.n_dot_v[facing]
+    ) ** 2  # radius 1/2; a singular value is stretched by 1 / n.v
     assert np.allclose(curvature[facing], expected, rtol=1e-3)
     slanted = facing & (fields.n_dot_v < 0.9)
-    radial = surface.vertices[slanted] * [1, 1, 0] / np.linalg.norm(surface.vertices[slanted, :2], axis=1)[:, None]
-    tangent = radial - np.einsum("ij,ij->i", radial, surface.normals[slanted])[:, None] * surface.normals[slanted]
+    radial = (
+        surface.vertices[slanted]
+        * [1, 1, 0]
+        / np.linalg.norm(surface.vertices[slanted, :2], axis=1)[:, None]
+    )
+    tangent = (
+        radial
+        - np.einsum("ij,ij->i", radial, surface.normals[slanted])[:, None]
+        * surface.normals[slanted]
+    )
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     assert np.abs(np.einsum("ij,ij->i", tangent, direction[slanted])).min() > 0.999
 
@@ -330,7 +376,11 @@ def test_hollow_creases_are_no_contours():
     i, j = np.arange(6), (np.arange(6) + 1) % 6
     walls = np.vstack([np.stack([i, j, j + 6], 1), np.stack([i, j + 6, i + 6], 1)])
     surface = make_surface(points, np.vstack([lid[:, ::-1], lid + 6, walls]))
-    for eye, drawn in (((2.5, -0.3, 1.5), False), ((-0.3, 2.5, 1.5), False), ((2.5, 2.5, 1.5), True)):
+    for eye, drawn in (
+        ((2.5, -0.3, 1.5), False),
+        ((-0.3, 2.5, 1.5), False),
+        ((2.5, 2.5, 1.5), True),
+    ):
         curves = feature_curves(surface, camera(eye), LineOptions())
         check(surface, curves)
         points = surface.original(curves.points(surface))
@@ -369,7 +419,9 @@ def near(a, b, step=1e-4):
         count = np.maximum(np.ceil(length / step), 1).astype(int)
         row = np.repeat(np.arange(len(segments)), count)
         t = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[row]
-        return segments[row, 0] + t[:, None] * (segments[row, 1] - segments[row, 0]), (length / count)[row]
+        return segments[row, 0] + t[:, None] * (segments[row, 1] - segments[row, 0]), (
+            length / count
+        )[row]
 
     (p, weight), (q, _) = sample(a), sample(b)
     return weight[cKDTree(q).query(p)[0] < 1e-4 + 0.5 * step].sum() / weight.sum()
@@ -408,23 +460,31 @@ def test_rtsc_draws_the_same_segments(name):
 def bumpy():
     shape = shapes.sphere(4)
     d = shape.vertices
-    radius = 1 + 0.15 * np.sin(5 * d[:, 0]) * np.cos(4 * d[:, 1] + 1) + 0.1 * np.sin(6 * d[:, 2] + d[:, 0])
+    radius = (
+        1
+        + 0.15 * np.sin(5 * d[:, 0]) * np.cos(4 * d[:, 1] + 1)
+        + 0.1 * np.sin(6 * d[:, 2] + d[:, 0])
+    )
     return make_surface(d * radius[:, None], shape.faces)
 
 
-ALL = LineOptions(lines.SURFACE_KINDS, ridge=0.1, smooth=0.0, hysteresis=0.0, sharpness=0.0)
+ALL = LineOptions(SURFACE_KINDS, ridge=0.1, smooth=0.0, hysteresis=0.0, sharpness=0.0)
 
 
 def test_chains_hold_all_segments_and_nothing_else():
     surface = bumpy()
     view = ViewFields.of(surface, camera().eye)
-    for kind, find in lines._VIEW_KINDS.items():
+    for kind, find in line_choice._VIEW_KINDS.items():
         segments = find(surface, view, ALL)
-        curves = feature_curves(surface, camera(), LineOptions((kind, "contour"), smooth=0.0, hysteresis=0.0))
+        curves = feature_curves(
+            surface, camera(), LineOptions((kind, "contour"), smooth=0.0, hysteresis=0.0)
+        )
         curves = curves.take(curves.kind == KINDS.index(kind))
         check(surface, curves)
         p = segments.points(surface)
-        assert lengths(surface, curves).sum() == pytest.approx(np.linalg.norm(p[:, 1] - p[:, 0], axis=1).sum())
+        assert lengths(surface, curves).sum() == pytest.approx(
+            np.linalg.norm(p[:, 1] - p[:, 0], axis=1).sum()
+        )
         if kind != "crease":
             assert len(curves) < 0.25 * len(segments)
 
@@ -450,14 +510,20 @@ def test_the_order_of_faces_does_not_matter():
 def test_the_same_twice():
     surface = bumpy()
     a, b = (feature_curves(surface, camera(), ALL) for _ in range(2))
-    assert all(np.array_equal(getattr(a, name), getattr(b, name)) for name in SurfaceCurves.__dataclass_fields__)
+    assert all(
+        np.array_equal(getattr(a, name), getattr(b, name))
+        for name in SurfaceCurves.__dataclass_fields__
+    )
     assert (np.diff(a.kind) >= 0).all()
 
 
 def segments_between(nodes, places):
     """Segments along the edges of a mesh that has a vertex at each of `places`, in made-up triangles."""
     nodes = np.asarray(nodes)
-    points = np.array([[places[a], places[b], np.add(places[a], places[b]) / 2 + [0, 0, 1]] for a, b in nodes], float)
+    points = np.array(
+        [[places[a], places[b], np.add(places[a], places[b]) / 2 + [0, 0, 1]] for a, b in nodes],
+        float,
+    )
     surface = make_surface(points.reshape(-1, 3), np.arange(3 * len(nodes)).reshape(-1, 3))
     faces = np.arange(len(nodes))
     corner = surface.original(surface.vertices)[surface.faces]  # winding may have been turned
@@ -466,7 +532,15 @@ def segments_between(nodes, places):
     return surface, lines.Segments(0, faces, bary, nodes, np.ones(nodes.shape))
 
 
-PLACES = {0: (0, 0, 0), 1: (1, 0, 0), 2: (2, 0.1, 0), 3: (1, 1, 0), 4: (0, 1, 0), 5: (3, 0, 0), 6: (1, -1, 0)}
+PLACES = {
+    0: (0, 0, 0),
+    1: (1, 0, 0),
+    2: (2, 0.1, 0),
+    3: (1, 1, 0),
+    4: (0, 1, 0),
+    5: (3, 0, 0),
+    6: (1, -1, 0),
+}
 
 
 @pytest.mark.parametrize(
@@ -485,7 +559,7 @@ PLACES = {0: (0, 0, 0), 1: (1, 0, 0), 2: (2, 0.1, 0), 3: (1, 1, 0), 4: (0, 1, 0)
 )
 def test_chaining(nodes, counts, closed):
     surface, segments = segments_between(nodes, PLACES)
-    curves = lines._chain(surface, segments, np.array([0.0, 1, 0]), 0.0)
+    curves = chain_segments(surface, segments, np.array([0.0, 1, 0]), 0.0)
     assert sorted(np.diff(curves.offsets)) == counts and curves.closed.tolist() == closed
 
 
@@ -501,9 +575,11 @@ def test_chaining_of_many_rings_and_lines_at_once():
     nodes = np.array(nodes)[rng.permutation(len(nodes))]
     nodes = np.where(rng.random(len(nodes))[:, None] < 0.5, nodes, nodes[:, ::-1])
     angle = rng.random(base)
-    places = {i: (np.cos(6.28 * angle[i]), np.sin(6.28 * angle[i]), 3.0 * i / base) for i in range(base)}
+    places = {
+        i: (np.cos(6.28 * angle[i]), np.sin(6.28 * angle[i]), 3.0 * i / base) for i in range(base)
+    }
     surface, segments = segments_between(nodes, places)
-    curves = lines._chain(surface, segments, np.array([0.0, 1, 0]), 0.0)
+    curves = chain_segments(surface, segments, np.array([0.0, 1, 0]), 0.0)
     assert sorted(np.diff(curves.offsets)) == sorted(sizes + rings)
     assert curves.closed.sum() == rings.sum()
     points = curves.points(surface)
@@ -528,7 +604,9 @@ EYES = [(0, 0, 3), (0, 0, 0.0001), (0.3, 0.2, 0.1), (0.5, 0.5, 0.5), (0, 3, 0.00
 
 
 @pytest.mark.parametrize("eye", EYES)
-@pytest.mark.parametrize("name", ["sphere", "cube", "plane", "moebius", "triangle", "islands", "soup"])
+@pytest.mark.parametrize(
+    "name", ["sphere", "cube", "plane", "moebius", "triangle", "islands", "soup"]
+)
 def test_nothing_much_is_no_trouble(name, eye):
     rng = np.random.default_rng(2)
     mesh = {
@@ -538,7 +616,7 @@ def test_nothing_much_is_no_trouble(name, eye):
     }[name]  # fmt: skip
     surface = make_surface(*mesh)
     view = Camera(eye, (0.01, 0, -0.5), (0, 1, 0), 40, 64, 64)
-    for options in (LineOptions(lines.SURFACE_KINDS), ALL, LineOptions(())):
+    for options in (LineOptions(SURFACE_KINDS), ALL, LineOptions(())):
         check(surface, feature_curves(surface, view, options))
 
 
@@ -569,8 +647,11 @@ def test_options_must_make_sense(options, message):
 
 def test_detail_is_one_knob():
     surface = bumpy()
-    kinds = LineOptions(lines.SURFACE_KINDS, smooth=0.02)
-    found = [feature_curves(surface, camera(), kinds.detailed(detail)) for detail in (0.3, 0.6, 1.0, 2.0, 4.0)]
+    kinds = LineOptions(SURFACE_KINDS, smooth=0.02)
+    found = [
+        feature_curves(surface, camera(), kinds.detailed(detail))
+        for detail in (0.3, 0.6, 1.0, 2.0, 4.0)
+    ]
     total = [lengths(surface, curves).sum() for curves in found]
     assert (np.diff(total) > 0).all()
     assert kinds.detailed(1.0) == kinds
@@ -592,20 +673,29 @@ def test_soft_lines_are_weak_between_slivers():
         curves = feature_curves(surface, camera((0, 0, 3)), only("ridge", ridge=0.01))
         strength.append(curves.strength.max(initial=0.0))
     assert strength[0] > 0.5 and strength[1] == 0.0
-    assert (lines._trust(make_surface(*shapes.sphere(3))) == 1.0).all()
+    assert (line_choice._trust(make_surface(*shapes.sphere(3))) == 1.0).all()
 
 
 def test_a_range_of_detail_follows_the_lines_of_its_low_end():
     surface = bumpy()
     kinds = LineOptions(("suggestive", "ridge", "valley", "apparent"), smooth=0.02, trim=False)
     assert kinds.detailed(0.7, 0.7) == kinds.detailed(0.7)
-    few, followed = (feature_curves(surface, camera(), kinds.detailed(0.7, high)) for high in (0.7, 2.0))
+    few, followed = (
+        feature_curves(surface, camera(), kinds.detailed(0.7, high)) for high in (0.7, 2.0)
+    )
     # all of what the thresholds of both ends let through, in the fields as they are smoothed for the low end
-    many = feature_curves(surface, camera(), replace(kinds.detailed(0.7, 2.0).followed(), hysteresis=0.0))
+    many = feature_curves(
+        surface, camera(), replace(kinds.detailed(0.7, 2.0).followed(), hysteresis=0.0)
+    )
     for kind in np.unique(many.kind):
-        part = {name: c.take(c.kind == kind) for name, c in (("few", few), ("followed", followed), ("many", many))}
+        part = {
+            name: c.take(c.kind == kind)
+            for name, c in (("few", few), ("followed", followed), ("many", many))
+        }
         size = {name: lengths(surface, c).sum() for name, c in part.items()}
-        assert size["few"] <= size["followed"] <= size["many"] and (size["few"] > 0.0) == (size["followed"] > 0.0)
+        assert size["few"] <= size["followed"] <= size["many"] and (size["few"] > 0.0) == (
+            size["followed"] > 0.0
+        )
         assert np.isin(part["few"].face, part["followed"].face).all()
         for i in range(len(part["followed"])):  # each of them has its reason
             rows = slice(*part["followed"].offsets[i : i + 2])
@@ -629,7 +719,9 @@ def test_kinds_are_put_in_order():
     ],
 )
 def test_curves_refuse_what_does_not_fit(change, message):
-    good = dict(face=[0, 0, 0], bary=np.eye(3), offsets=[0, 3], kind=[0], closed=[False], strength=[1, 1, 1])
+    good = dict(
+        face=[0, 0, 0], bary=np.eye(3), offsets=[0, 3], kind=[0], closed=[False], strength=[1, 1, 1]
+    )
     assert len(SurfaceCurves(**good)) == 1
     with pytest.raises(ValueError, match=message):
         SurfaceCurves(**{**good, **change})
@@ -639,5 +731,8 @@ def test_empty_curves():
     empty = SurfaceCurves.empty()
     surface = make_surface(*shapes.cube())
     assert len(empty) == 0 and empty.points(surface).shape == (0, 3)
-    assert len(SurfaceCurves.concatenate([empty, empty])) == 0 and len(SurfaceCurves.concatenate([])) == 0
+    assert (
+        len(SurfaceCurves.concatenate([empty, empty])) == 0
+        and len(SurfaceCurves.concatenate([])) == 0
+    )
     assert len(empty.take(np.zeros(0, bool))) == 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from strokestyle.extract.tidy import TidyOptions, beside_none, tidy
+from strokestyle.extract.tidy import TidyOptions, subtract_parallel, tidy
 from strokestyle.geometry.curves import KINDS, Curves, arc_length, owner
 
 CONTOUR, CREASE, SUGGESTIVE, RIDGE, VALLEY = (
@@ -27,7 +27,9 @@ def arc(centre, radius, start, stop, step=2.0):
 def draw(*lines, kind=CONTOUR, strength=1.0, size=(768, 768), options=None):
     kind = np.broadcast_to(kind, len(lines))
     curves = Curves.from_list(list(lines), kind)
-    value = np.broadcast_to(strength, len(lines))[owner(curves.offsets)] if len(lines) else np.zeros(0)
+    value = (
+        np.broadcast_to(strength, len(lines))[owner(curves.offsets)] if len(lines) else np.zeros(0)
+    )
     return tidy(curves, value, size, options)
 
 
@@ -53,7 +55,9 @@ def test_a_weaker_soft_line_gives_way_whatever_its_kind():
 
 
 def test_strength_counts_as_much_as_length():
-    out = draw(line((100, 100), (300, 100)), line((150, 103), (250, 103)), kind=RIDGE, strength=[0.3, 0.9])
+    out = draw(
+        line((100, 100), (300, 100)), line((150, 103), (250, 103)), kind=RIDGE, strength=[0.3, 0.9]
+    )
     middle = out.xy[np.abs(out.xy[:, 0] - 200) < 20]
     assert np.allclose(middle[:, 1], 103, atol=0.1)
 
@@ -92,7 +96,9 @@ def test_only_the_parallel_part_goes():
 
 
 def test_crossing_lines_both_stay_whole():
-    out = draw(line((100, 100), (300, 300)), line((100, 300), (300, 100)), kind=[CONTOUR, SUGGESTIVE])
+    out = draw(
+        line((100, 100), (300, 300)), line((100, 300), (300, 100)), kind=[CONTOUR, SUGGESTIVE]
+    )
     assert len(out) == 2 and np.allclose(out.lengths(), 200 * np.sqrt(2), atol=1)
 
 
@@ -103,20 +109,28 @@ def test_a_line_that_turns_back_on_itself_is_drawn_once():
 
 
 def test_lines_farther_apart_both_stay():
-    out = draw(line((100, 100), (300, 100)), line((100, 112), (300, 112)), kind=[CONTOUR, SUGGESTIVE])
+    out = draw(
+        line((100, 100), (300, 100)), line((100, 112), (300, 112)), kind=[CONTOUR, SUGGESTIVE]
+    )
     assert len(out) == 2
 
 
 def test_what_runs_along_another_drawing_goes():
     drawn = Curves.from_list([line((100, 100), (300, 100))], [CONTOUR])
-    others = [line((50, 101.5), (200, 101.5)), line((150, 50), (150, 150)), line((100, 104), (300, 104))]
-    left = beside_none(Curves.from_list(others, [CREASE] * 3), drawn)
+    others = [
+        line((50, 101.5), (200, 101.5)),
+        line((150, 50), (150, 150)),
+        line((100, 104), (300, 104)),
+    ]
+    left = subtract_parallel(Curves.from_list(others, [CREASE] * 3), drawn)
     assert left.lengths() == pytest.approx([50, 100, 200], abs=2.5)  # crossing lines stay whole
-    twice = beside_none(Curves.from_list([2 * p for p in others]), Curves.from_list([2 * drawn.xy]), (1536, 1536))
+    twice = subtract_parallel(
+        Curves.from_list([2 * p for p in others]), Curves.from_list([2 * drawn.xy]), (1536, 1536)
+    )
     assert twice.xy == pytest.approx(2 * left.xy)
     for a, b in ((drawn, Curves.empty()), (Curves.empty(), drawn)):
-        assert beside_none(a, b) is a
-    assert len(beside_none(drawn, drawn)) == 0
+        assert subtract_parallel(a, b) is a
+    assert len(subtract_parallel(drawn, drawn)) == 0
 
 
 # ------------------------------------------------------------------------------------------------------------ joining
@@ -152,19 +166,27 @@ def test_overlapping_ends_leave_no_fold(start):
 
 
 def test_no_bridge_across_a_third_line():
-    out = draw(line((100, 100), (200, 100)), line((206, 100), (300, 100)), line((203, 40), (203, 160)))
+    out = draw(
+        line((100, 100), (200, 100)), line((206, 100), (300, 100)), line((203, 40), (203, 160))
+    )
     assert len(out) == 3
 
 
 def test_kinds_of_joined_strokes():
-    out = draw(line((100, 100), (200, 100)), line((204, 100), (260, 100)), kind=[VALLEY, SUGGESTIVE])
+    out = draw(
+        line((100, 100), (200, 100)), line((204, 100), (260, 100)), kind=[VALLEY, SUGGESTIVE]
+    )
     assert len(out) == 1 and out.kind[0] == VALLEY
-    out = draw(line((100, 100), (150, 100)), line((154, 100), (220, 100)), kind=[CONTOUR, SUGGESTIVE])
+    out = draw(
+        line((100, 100), (150, 100)), line((154, 100), (220, 100)), kind=[CONTOUR, SUGGESTIVE]
+    )
     assert len(out) == 1 and out.kind[0] == CONTOUR
 
 
 def test_the_straightest_pair_meets_at_a_junction():
-    out = draw(line((100, 100), (200, 100)), line((201, 100), (300, 100)), line((201, 102), (240, 170)))
+    out = draw(
+        line((100, 100), (200, 100)), line((201, 100), (300, 100)), line((201, 102), (240, 170))
+    )
     assert len(out) == 2 and abs(out.lengths().max() - 200) < 1
 
 
@@ -190,7 +212,9 @@ def test_where_a_loop_starts_in_the_input_does_not_matter():
 
 def test_a_square_is_four_strokes_and_a_zigzag_is_one():
     corners = np.array([(100, 100), (300, 100), (300, 300), (100, 300), (100, 100)], float)
-    square = np.concatenate([line(a, b)[:-1] for a, b in zip(corners[:-1], corners[1:], strict=True)] + [corners[:1]])
+    square = np.concatenate(
+        [line(a, b)[:-1] for a, b in zip(corners[:-1], corners[1:], strict=True)] + [corners[:1]]
+    )
     out = draw(np.roll(square[:-1], 20, axis=0)[np.r_[0 : len(square) - 1, 0]])
     assert len(out) == 4 and not out.closed.any()
     assert np.allclose(out.lengths(), 200, atol=2)
@@ -210,7 +234,9 @@ def test_hooks_at_the_ends_go(length, angle, left):
         out = draw(stroke)
         assert out.lengths().sum() == pytest.approx(left, abs=3.0)
         assert len(out) == (2 if length == 20 else 1)
-    assert draw(arc((100, 100), 30, 0, 300)).lengths().sum() == pytest.approx(np.radians(300) * 30, rel=0.01)
+    assert draw(arc((100, 100), 30, 0, 300)).lengths().sum() == pytest.approx(
+        np.radians(300) * 30, rel=0.01
+    )
 
 
 def test_a_dent_is_no_corner():
@@ -249,17 +275,23 @@ def test_swarms_of_short_lines_are_noise(kind):
     swarm = []
     for _ in range(600):
         start, angle = rng.uniform(150, 600, 2), rng.uniform(0, 2 * np.pi)
-        swarm.append(line(start, start + rng.uniform(3, 20) * np.array([np.cos(angle), np.sin(angle)])))
+        swarm.append(
+            line(start, start + rng.uniform(3, 20) * np.array([np.cos(angle), np.sin(angle)]))
+        )
     feature = arc((700, 100), 40, 90, 270)
     out = draw(feature, *swarm, kind=[SUGGESTIVE] + [kind] * len(swarm))
     assert abs(out.lengths()[out.kind == SUGGESTIVE].max() - np.pi * 40) < 3
-    assert out.lengths()[out.kind == kind].sum() < 0.06 * sum(np.linalg.norm(p[-1] - p[0]) for p in swarm)
+    assert out.lengths()[out.kind == kind].sum() < 0.06 * sum(
+        np.linalg.norm(p[-1] - p[0]) for p in swarm
+    )
 
 
 @pytest.mark.parametrize(("kind", "limit"), [(CONTOUR, 0.5), (RIDGE, 1.5)])
 def test_zigzag_is_smoothed_within_bounds(kind, limit):
     x = np.arange(100.0, 400.0, 3.0)
-    rough = np.stack([x, 200 + 30 * np.sin(x / 40) + np.where(np.arange(len(x)) % 2, 1.0, -1.0)], axis=1)
+    rough = np.stack(
+        [x, 200 + 30 * np.sin(x / 40) + np.where(np.arange(len(x)) % 2, 1.0, -1.0)], axis=1
+    )
     out = draw(rough, kind=kind)
     assert len(out) == 1
     smooth = out[0]
@@ -268,7 +300,11 @@ def test_zigzag_is_smoothed_within_bounds(kind, limit):
         return np.abs(np.diff(np.unwrap(np.arctan2(*np.diff(p, axis=0).T[::-1])))).sum()
 
     assert wiggle(smooth) < (0.5 if kind == CONTOUR else 0.15) * wiggle(rough)
-    dense = rough[0] + np.concatenate([line(a, b, 0.05) for a, b in zip(rough[:-1], rough[1:], strict=True)]) - rough[0]
+    dense = (
+        rough[0]
+        + np.concatenate([line(a, b, 0.05) for a, b in zip(rough[:-1], rough[1:], strict=True)])
+        - rough[0]
+    )
     assert cKDTree(dense).query(smooth)[0].max() <= limit + 0.1
     ends = {tuple(p.round(9)) for p in (smooth[0], smooth[-1])}
     assert ends == {tuple(p.round(9)) for p in (rough[0], rough[-1])}
@@ -293,7 +329,10 @@ def scribble(seed, count=250):
     for _ in range(count):
         n = int(rng.integers(2, 60))
         heading = rng.uniform(0, 2 * np.pi) + np.cumsum(rng.normal(0, 0.2, n))
-        lines.append(rng.uniform(0, 768, 2) + np.cumsum(2.5 * np.stack([np.cos(heading), np.sin(heading)], 1), axis=0))
+        lines.append(
+            rng.uniform(0, 768, 2)
+            + np.cumsum(2.5 * np.stack([np.cos(heading), np.sin(heading)], 1), axis=0)
+        )
         if rng.random() < 0.1:
             lines[-1] = np.r_[lines[-1], lines[-1][:1]]
     return lines, rng.integers(0, len(KINDS), count), rng.uniform(0, 1, count)
@@ -311,7 +350,12 @@ def test_any_scribble_gives_clean_strokes(seed):
         assert np.array_equal(out[i][0], out[i][-1]) and len(out[i]) > 4
     assert (np.diff(out.kind) >= 0).all()
     # every stroke lies along the input: bridges span no more than the largest gap
-    ink = np.concatenate([np.concatenate([line(a, b, 0.5) for a, b in zip(p[:-1], p[1:], strict=True)]) for p in lines])
+    ink = np.concatenate(
+        [
+            np.concatenate([line(a, b, 0.5) for a, b in zip(p[:-1], p[1:], strict=True)])
+            for p in lines
+        ]
+    )
     assert cKDTree(ink).query(out.xy)[0].max() < 0.5 * TidyOptions().contour_gap + 1.5
 
 

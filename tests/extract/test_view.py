@@ -12,27 +12,22 @@ from scipy.spatial import cKDTree
 from shapes import cube, wheel
 
 from strokestyle.extract.camera import Camera, fit_camera
-from strokestyle.extract.rays import Scene
-from strokestyle.extract.segments import LineOptions, feature_curves
-from strokestyle.extract.view import (
+from strokestyle.extract.feature_maps import (
     CLIP,
+    NEURAL_STROKES_MAPS,
     NORMAL_MAPS,
-    PAPER_MAPS,
     FeatureMaps,
-    View,
-    _faces_at,
-    clip,
-    extract,
     feature_maps,
-    load_view,
     plain_raster,
-    save_view,
-    view_of,
-    view_of_lines,
-    view_to_json,
-    visible_fragments,
 )
-from strokestyle.geometry.curves import KINDS, Curves, arc_length
+from strokestyle.extract.line_options import LineOptions
+from strokestyle.extract.lines import feature_curves
+from strokestyle.extract.pipeline import _faces_at, extract_view, view_of_curves, view_of_lines
+from strokestyle.extract.rays import Bvh
+from strokestyle.extract.view import View
+from strokestyle.extract.view_file import load_view, save_view, view_to_json
+from strokestyle.extract.visible import visible_fragments
+from strokestyle.geometry.curves import KINDS, Curves, arc_length, clip
 from strokestyle.geometry.parts import Parts, part_name
 from strokestyle.mesh.surface import make_surface
 from strokestyle.svg.write import plain_svg, png_from_svg
@@ -47,8 +42,12 @@ CUBE_FACES = np.array(
 
 def ball(level=5):
     """An octahedron, each triangle cut in four `level` times, on the sphere: vertices, faces."""
-    vertices = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], float)
-    faces = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])
+    vertices = np.array(
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], float
+    )
+    faces = np.array(
+        [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
+    )
     for _ in range(level):
         sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         pairs, index = np.unique(sides, axis=0, return_inverse=True)
@@ -56,8 +55,12 @@ def ball(level=5):
         m = index.reshape(-1, 3) + len(vertices)
         a, b, c = faces.T
         ab, bc, ca = m.T
-        faces = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
-        vertices = np.concatenate([vertices, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
+        faces = np.concatenate(
+            [np.stack(t, 1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))]
+        )
+        vertices = np.concatenate(
+            [vertices, middle / np.linalg.norm(middle, axis=1, keepdims=True)]
+        )
     return vertices * RADIUS, faces
 
 
@@ -68,14 +71,16 @@ def sphere():
 
 @pytest.fixture(scope="module")
 def view(sphere):
-    return extract(sphere, fit_camera(sphere.vertices, width=200, height=160))
+    return extract_view(sphere, fit_camera(sphere.vertices, width=200, height=160))
 
 
 def two_balls():
     """A small ball before the left half of a large one, seen from +z."""
     vertices, faces = ball(4)
     small = vertices * 0.4 + [-0.15, 0.0, 0.9]
-    surface = make_surface(np.concatenate([vertices, small]), np.concatenate([faces, faces + len(vertices)]))
+    surface = make_surface(
+        np.concatenate([vertices, small]), np.concatenate([faces, faces + len(vertices)])
+    )
     return surface, fit_camera(surface.vertices, "front", width=256, height=256)
 
 
@@ -84,11 +89,13 @@ def two_balls():
 
 def test_maps_of_a_sphere(sphere):
     camera = fit_camera(sphere.vertices, "25,35", width=240, height=180)
-    maps = feature_maps(sphere, camera, Curves.empty(), Scene(sphere))
-    assert maps.names == (*PAPER_MAPS, *NORMAL_MAPS, "plain")
+    maps = feature_maps(sphere, camera, Curves.empty(), Bvh(sphere))
+    assert maps.names == (*NEURAL_STROKES_MAPS, *NORMAL_MAPS, "plain")
     assert maps.values.shape == (11, 180, 240) and maps.values.dtype == np.float32
     ray = camera.rays(camera.pixel_centres())
-    to_centre = sphere.original(np.zeros((1, 3)))[0] * 0 - camera.eye  # the sphere is centred at the origin
+    to_centre = (
+        sphere.original(np.zeros((1, 3)))[0] * 0 - camera.eye
+    )  # the sphere is centred at the origin
     b = ray @ to_centre
     inside = b * b - to_centre @ to_centre + RADIUS**2
     distance = b - np.sqrt(np.maximum(inside, 0))
@@ -97,7 +104,9 @@ def test_maps_of_a_sphere(sphere):
     facing = np.abs(np.einsum("ij,ij->i", normal, ray)).reshape(180, 240)
     normal = normal.reshape(180, 240, 3)
     inside = inside.reshape(180, 240)
-    assert np.array_equal(maps.covered[np.abs(inside) > 0.005], (inside > 0)[np.abs(inside) > 0.005])
+    assert np.array_equal(
+        maps.covered[np.abs(inside) > 0.005], (inside > 0)[np.abs(inside) > 0.005]
+    )
     clear = inside > 0.02
     right, down, forward = camera.axes
     raw = {name: (maps[name] * maps.scale[i]) for i, name in enumerate(maps.names)}
@@ -118,7 +127,7 @@ def test_maps_of_a_sphere(sphere):
     background = ~maps.covered
     assert background.mean() > 0.3
     for name in maps.names:
-        assert (maps[name][background] == (1.0 if name in PAPER_MAPS else 0.0)).all()
+        assert (maps[name][background] == (1.0 if name in NEURAL_STROKES_MAPS else 0.0)).all()
 
 
 def test_maps_are_scaled_by_their_90th_percentile_and_cut(view):
@@ -130,19 +139,25 @@ def test_maps_are_scaled_by_their_90th_percentile_and_cut(view):
 
 
 def test_maps_of_a_plane_and_a_cube_are_finite():
-    plane = make_surface(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    plane = make_surface(
+        np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+    )
     for surface in (plane, make_surface(CUBE, CUBE_FACES)):
         camera = fit_camera(surface.vertices, width=64, height=48)
-        maps = feature_maps(surface, camera, Curves.empty(), Scene(surface))
+        maps = feature_maps(surface, camera, Curves.empty(), Bvh(surface))
         assert np.isfinite(maps.values).all() and maps.covered.any()
-    assert np.abs(feature_maps(plane, camera, Curves.empty(), Scene(plane))["max_curvature"]).max() <= 1
+    assert (
+        np.abs(feature_maps(plane, camera, Curves.empty(), Bvh(plane))["max_curvature"]).max() <= 1
+    )
 
 
 def test_a_surface_seen_from_behind_faces_the_eye():
-    plane = make_surface(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    plane = make_surface(
+        np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+    )
     for view in ("10,10", "170,10"):
         camera = fit_camera(plane.vertices, view, width=64, height=64)
-        maps = feature_maps(plane, camera, Curves.empty(), Scene(plane))
+        maps = feature_maps(plane, camera, Curves.empty(), Bvh(plane))
         assert (maps["n_dot_v"][maps.covered] > 0).all()
 
 
@@ -151,9 +166,9 @@ def test_an_eye_among_the_parts_sees_what_is_before_it():
     shapes = [vertices * 0.3 + [0, 0, z] for z in (-1.0, 1.0)]
     surface = make_surface(np.concatenate(shapes), np.concatenate([faces, faces + len(vertices)]))
     camera = Camera([0, 0, 0], [0, 0, -1], [0, 1, 0], 40, 64, 64)
-    maps = feature_maps(surface, camera, Curves.empty(), Scene(surface))
+    maps = feature_maps(surface, camera, Curves.empty(), Bvh(surface))
     assert maps.covered[32, 32] and not maps.covered[0, 0]
-    curves = extract(surface, camera, LineOptions(kinds=("contour",))).curves
+    curves = extract_view(surface, camera, LineOptions(kinds=("contour",))).curves
     assert len(curves) == 1
 
 
@@ -162,7 +177,7 @@ def test_an_eye_among_the_parts_sees_what_is_before_it():
 
 def test_contours_read_the_part_in_front():
     surface, camera = two_balls()
-    view = extract(surface, camera, LineOptions(kinds=("contour",)))
+    view = extract_view(surface, camera, LineOptions(kinds=("contour",)))
     assert len(view.curves) >= 2
     depth = view.at_curves(("depth",))[:, 0] * view.maps.scale[0]
     shift = 0.5 * (surface.vertices.min(axis=0) + surface.vertices.max(axis=0))
@@ -172,8 +187,18 @@ def test_contours_read_the_part_in_front():
     offset = -surface.centre / scale
     centre, _ = camera.project(np.array([small + offset, large + offset]))
     near, far = (camera.eye[2] - (c + offset)[2] for c in (small, large))
-    on_small = np.abs(np.linalg.norm(view.curves.xy - centre[0], axis=1) - 0.2 / scale * camera.focal / near) < 3
-    on_large = np.abs(np.linalg.norm(view.curves.xy - centre[1], axis=1) - 0.5 / scale * camera.focal / far) < 5
+    on_small = (
+        np.abs(
+            np.linalg.norm(view.curves.xy - centre[0], axis=1) - 0.2 / scale * camera.focal / near
+        )
+        < 3
+    )
+    on_large = (
+        np.abs(
+            np.linalg.norm(view.curves.xy - centre[1], axis=1) - 0.5 / scale * camera.focal / far
+        )
+        < 5
+    )
     assert on_small.sum() > 20 and on_large.sum() > 40
     assert np.abs(depth[on_small & ~on_large] - near).max() < 0.15  # where they meet, either
     assert np.abs(depth[on_large & ~on_small] - far).max() < 0.25
@@ -204,7 +229,9 @@ def test_at_curves_rounds_to_the_pixel_under_the_point(view):
 
 
 def test_a_sphere_is_one_closed_stroke(view):
-    assert len(view.curves) == 1 and view.curves.closed[0] and KINDS[view.curves.kind[0]] == "contour"
+    assert (
+        len(view.curves) == 1 and view.curves.closed[0] and KINDS[view.curves.kind[0]] == "contour"
+    )
     step = np.diff(arc_length(view.curves.xy, view.curves.offsets))
     assert np.abs(step - 3.0).max() < 0.3
     radius = np.linalg.norm(view.curves.xy - [100, 80], axis=1)
@@ -215,12 +242,16 @@ def test_a_cube_shows_nine_edges():
     surface = make_surface(CUBE, CUBE_FACES)
     camera = fit_camera(surface.vertices, width=300, height=300)
     lines = feature_curves(surface, camera, LineOptions(kinds=("crease",)))
-    fragments, strength = visible_fragments(surface, camera, lines, Scene(surface))
+    fragments, strength = visible_fragments(surface, camera, lines, Bvh(surface))
     assert strength.shape == (len(fragments.xy),) and (strength == 1).all()
     corners, _ = camera.project(surface.vertices)
     edges = np.argwhere(np.triu(np.linalg.norm(CUBE[:, None] - CUBE, axis=2) < 1.01, 1))
-    nearest = ((CUBE - camera.eye) ** 2).sum(axis=1).argmax()  # the corner behind, whose three edges are hidden
-    expected = sum(np.linalg.norm(corners[i] - corners[j]) for i, j in edges if nearest not in (i, j))
+    nearest = (
+        ((CUBE - camera.eye) ** 2).sum(axis=1).argmax()
+    )  # the corner behind, whose three edges are hidden
+    expected = sum(
+        np.linalg.norm(corners[i] - corners[j]) for i, j in edges if nearest not in (i, j)
+    )
     assert abs(fragments.lengths().sum() - expected) < 0.01 * expected
 
 
@@ -249,7 +280,7 @@ def test_creases_have_no_echoes():
     lines = feature_curves(surface, fit_camera(surface.vertices), LineOptions(kinds=("crease",)))
     assert len(lines) == 18
     for view in ("three-quarter", "50,30", "100,20"):
-        curves = extract(surface, fit_camera(surface.vertices, view)).curves
+        curves = extract_view(surface, fit_camera(surface.vertices, view)).curves
         assert {KINDS[k] for k in curves.kind} == {"contour", "crease"}
 
 
@@ -259,29 +290,33 @@ def test_lines_end_at_the_edge_of_the_canvas():
     for zoom in (8.0, 25.0):
         camera = replace(whole, fov_y=whole.fov_y / zoom, target=surface.vertices[7])
         lines = feature_curves(surface, camera, LineOptions(kinds=("crease",)))
-        fragments, _ = visible_fragments(surface, camera, lines, Scene(surface))
+        fragments, _ = visible_fragments(surface, camera, lines, Bvh(surface))
         assert fragments.xy.min() >= 0 and fragments.xy.max() <= 200
-        ends = np.concatenate([fragments.xy[fragments.offsets[:-1]], fragments.xy[fragments.offsets[1:] - 1]])
+        ends = np.concatenate(
+            [fragments.xy[fragments.offsets[:-1]], fragments.xy[fragments.offsets[1:] - 1]]
+        )
         on_edge = (np.minimum(ends, 200 - ends) < 1e-3).any(axis=1)
         corner = np.linalg.norm(ends - 100, axis=1) < 1e-6
         assert len(fragments) == 3 and corner.sum() == 3 and on_edge.sum() == 3
-        view = extract(surface, camera)
+        view = extract_view(surface, camera)
         assert view.curves.xy.min() >= 0 and view.curves.xy.max() <= 200
 
 
 def test_an_eye_close_by_asks_for_no_more_points():
     surface = make_surface(CUBE, CUBE_FACES)
     eye = np.array([0.0, 0.0, 0.50001])
-    camera = Camera(eye, eye + [0.3, 0.2, -1e-6], [0, 1, 0], 90, 200, 200)  # along the face, a hair above it
+    camera = Camera(
+        eye, eye + [0.3, 0.2, -1e-6], [0, 1, 0], 90, 200, 200
+    )  # along the face, a hair above it
     lines = feature_curves(surface, camera, LineOptions(kinds=("crease",)))
-    fragments, _ = visible_fragments(surface, camera, lines, Scene(surface))
+    fragments, _ = visible_fragments(surface, camera, lines, Bvh(surface))
     assert len(fragments.xy) < 5000 and np.isfinite(fragments.xy).all()
 
 
 def test_no_lines_at_all():
     surface = make_surface(CUBE, CUBE_FACES)
     away = Camera([0, 0, 5], [0, 0, 9], [0, 1, 0], 30, 64, 64)
-    view = extract(surface, away)
+    view = extract_view(surface, away)
     assert len(view.curves) == 0 and not view.maps.covered.any()
     assert view.at_curves(("depth",)).shape == (0, 1)
     assert view_to_json(view)["curves"] == []
@@ -289,7 +324,7 @@ def test_no_lines_at_all():
 
 def test_hidden_parts_of_a_line_are_cut_away():
     surface, camera = two_balls()
-    curves = extract(surface, camera, LineOptions(kinds=("contour",))).curves
+    curves = extract_view(surface, camera, LineOptions(kinds=("contour",))).curves
     scale, offset = surface.scale, -surface.centre / surface.scale
     small = np.array([-0.15, 0, 0.9]) / scale + offset
     centre, depth = camera.project(small[None])
@@ -301,7 +336,7 @@ def test_hidden_parts_of_a_line_are_cut_away():
 def test_a_cube_hides_three_edges():
     surface = make_surface(CUBE, CUBE_FACES)
     camera = fit_camera(surface.vertices, "25,20", width=300, height=300)
-    view = extract(surface, camera, hidden=True)
+    view = extract_view(surface, camera, hidden=True)
     assert {KINDS[kind] for kind in view.hidden.kind} == {"crease"}
     corners, _ = camera.project(surface.vertices)
     behind = ((CUBE - camera.eye) ** 2).sum(axis=1).argmax()
@@ -311,7 +346,7 @@ def test_a_cube_hides_three_edges():
         0.95 * expected < view.hidden.lengths().sum() < expected + 1.0
     )  # less what runs along the outline at the ends
     assert min(np.linalg.norm(view.hidden.xy - corners[behind], axis=1)) < 1.0
-    assert len(extract(surface, camera).hidden) == 0
+    assert len(extract_view(surface, camera).hidden) == 0
 
 
 def test_hidden_parts_complete_the_visible_ones():
@@ -319,15 +354,24 @@ def test_hidden_parts_complete_the_visible_ones():
     surface, camera = two_balls()
     camera = replace(camera, eye=camera.eye + np.array([-1.0, 0.0, 0.0]))
     options = LineOptions(kinds=("contour", "suggestive"))
-    view = extract(surface, camera, options, hidden=True)
+    view = extract_view(surface, camera, options, hidden=True)
     assert {KINDS[kind] for kind in view.hidden.kind} == {"contour"}
-    fragments, _ = visible_fragments(surface, camera, feature_curves(surface, camera, options), Scene(surface))
+    fragments, _ = visible_fragments(
+        surface, camera, feature_curves(surface, camera, options), Bvh(surface)
+    )
     whole = feature_curves(surface, camera, LineOptions(kinds=("contour",)))
     xy, _ = camera.project(whole.points(surface))
     total = arc_length(xy, whole.offsets)[whole.offsets[1:] - 1].sum()
     behind = view.hidden.lengths().sum()
     assert behind > 30.0 and abs(fragments.lengths().sum() + behind - total) < 10.0
-    assert len(extract(surface, camera, LineOptions(kinds=("ridge", "valley")), hidden=True).hidden) == 0
+    assert (
+        len(
+            extract_view(
+                surface, camera, LineOptions(kinds=("ridge", "valley")), hidden=True
+            ).hidden
+        )
+        == 0
+    )
 
 
 # ---------------------------------------------------------------------------------------------- curves from elsewhere
@@ -335,7 +379,7 @@ def test_hidden_parts_complete_the_visible_ones():
 
 def test_curves_from_elsewhere_are_clipped_and_spaced(sphere, view):
     given = Curves.from_list([[[-50, 80], [250, 80]], [[20, 20], [20, 25], [20.5, 25]]], [5, 0])
-    got = view_of(sphere, view.camera, given)
+    got = view_of_curves(sphere, view.camera, given)
     assert np.array_equal(got.curves.kind, [5, 0])
     assert np.allclose(got.curves[0][[0, -1]], [[0, 80], [200, 80]])
     assert np.abs(np.diff(got.curves[0][:, 0]) - 3).max() < 0.1
@@ -349,7 +393,10 @@ def test_curves_from_elsewhere_are_clipped_and_spaced(sphere, view):
         ([[10, 10], [20, 20]], [[[10, 10], [20, 20]]]),
         ([[-10, 10], [20, 10]], [[[0, 10], [20, 10]]]),
         ([[50, -20], [50, 120]], [[[50, 0], [50, 100]]]),
-        ([[-9, 5], [50, 5], [120, 5], [120, 6], [50, 6]], [[[0, 5], [50, 5], [100, 5]], [[100, 6], [50, 6]]]),
+        (
+            [[-9, 5], [50, 5], [120, 5], [120, 6], [50, 6]],
+            [[[0, 5], [50, 5], [100, 5]], [[100, 6], [50, 6]]],
+        ),
         ([[-10, -10], [-5, 110]], []),
         ([[200, 50], [300, 50]], []),
         ([[-10, 5], [5, -10]], []),
@@ -381,7 +428,13 @@ def test_plain_raster():
     rng = np.random.default_rng(0)
     curves = Curves.from_list([rng.uniform(3, 92, (4, 2)) for _ in range(8)])
     ours = plain_raster(curves, 96, 100)
-    theirs = 1 - np.asarray(Image.open(io.BytesIO(png_from_svg(plain_svg(curves, (96, 100))))).convert("L")) / 255.0
+    theirs = (
+        1
+        - np.asarray(
+            Image.open(io.BytesIO(png_from_svg(plain_svg(curves, (96, 100))))).convert("L")
+        )
+        / 255.0
+    )
     assert np.abs(ours - theirs).mean() < 0.04 and np.abs(ours - theirs).max() < 0.5
     assert not plain_raster(Curves.empty(), 16, 16).any()
     assert not plain_raster(Curves.from_list([[[1e6, 1e6], [1e6 + 9, 1e6]]]), 16, 16).any()
@@ -394,9 +447,15 @@ def test_plain_raster():
 def same(a, b):
     return (
         a.camera.to_dict() == b.camera.to_dict()
-        and all(np.array_equal(getattr(a.curves, n), getattr(b.curves, n)) for n in ("xy", "offsets", "kind", "closed"))
+        and all(
+            np.array_equal(getattr(a.curves, n), getattr(b.curves, n))
+            for n in ("xy", "offsets", "kind", "closed")
+        )
         and a.maps.names == b.maps.names
-        and all(np.array_equal(getattr(a.maps, n), getattr(b.maps, n)) for n in ("values", "covered", "scale"))
+        and all(
+            np.array_equal(getattr(a.maps, n), getattr(b.maps, n))
+            for n in ("values", "covered", "scale")
+        )
     )
 
 
@@ -413,7 +472,9 @@ def test_a_view_comes_back_exactly(view, tmp_path):
     both = replace(view, hidden=Curves.from_list([[[1, 2], [3, 4.5]]], [2]))
     save_view(tmp_path / "h.npz", both)
     back = load_view(tmp_path / "h.npz")
-    assert same(back, view) and same(replace(back, curves=back.hidden), replace(view, curves=both.hidden))
+    assert same(back, view) and same(
+        replace(back, curves=back.hidden), replace(view, curves=both.hidden)
+    )
     assert len(load_view(tmp_path / "v.npz").hidden) == 0
 
 
@@ -426,7 +487,13 @@ def test_files_that_are_no_views(view, tmp_path):
     path = tmp_path / "v.npz"
     save_view(path, view)
     whole = path.read_bytes()
-    cases = [b"", b"hello", b"PK\x03\x04 nonsense", *(whole[: len(whole) * k // 7] for k in range(1, 7)), whole[:-1]]
+    cases = [
+        b"",
+        b"hello",
+        b"PK\x03\x04 nonsense",
+        *(whole[: len(whole) * k // 7] for k in range(1, 7)),
+        whole[:-1],
+    ]
     for at in range(40, len(whole), len(whole) // 40):
         cases.append(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
     refused = 0
@@ -487,7 +554,9 @@ def test_a_view_lacking_a_part(view, tmp_path):
     path = tmp_path / "v.npz"
     save_view(path, view)
     with zipfile.ZipFile(path) as file:
-        parts = {name: file.read(name) for name in file.namelist() if not name.startswith("offsets")}
+        parts = {
+            name: file.read(name) for name in file.namelist() if not name.startswith("offsets")
+        }
     with zipfile.ZipFile(path, "w") as file:
         for name, data in parts.items():
             file.writestr(name, data)
@@ -506,14 +575,22 @@ def test_json_for_other_programs(view, tmp_path):
     assert np.abs(np.concatenate(data["curves"]) - view.curves.xy).max() <= 0.0051
     # true units: the distance to the rim of the sphere, the cosine there, a unit normal
     distance = np.linalg.norm(view.camera.eye)
-    depth, facing, nx, ny = (np.concatenate(data["fields"][k]) for k in ("depth", "ndotv", "nx", "ny"))
+    depth, facing, nx, ny = (
+        np.concatenate(data["fields"][k]) for k in ("depth", "ndotv", "nx", "ny")
+    )
     assert np.abs(depth - (distance - RADIUS**2 / distance)).max() < 0.15
     assert (facing < 0.3).all() and (np.hypot(nx, ny) > 0.85).all()
-    outward = (view.curves.xy - [100, 80]) / np.linalg.norm(view.curves.xy - [100, 80], axis=1)[:, None]
+    outward = (view.curves.xy - [100, 80]) / np.linalg.norm(view.curves.xy - [100, 80], axis=1)[
+        :, None
+    ]
     assert (outward[:, 0] * nx + outward[:, 1] * ny > 0.85).all()
     behind = Curves.from_list([[[1, 2], [3, 4.5]]], [2])
     got = view_to_json(replace(view, hidden=behind))
-    assert got.pop("hidden") == {"curves": [[[1, 2], [3, 4.5]]], "kinds": ["crease"], "closed": [False]}
+    assert got.pop("hidden") == {
+        "curves": [[[1, 2], [3, 4.5]]],
+        "kinds": ["crease"],
+        "closed": [False],
+    }
     assert got == data
     (tmp_path / "c.json").write_text(json.dumps(data))
     assert Camera.load(tmp_path / "c.json").to_dict() == view.camera.to_dict()
@@ -546,21 +623,25 @@ def wheel_surface(names=None):
     faces = [shape.faces + at for shape, at in zip(parts.values(), count, strict=False)]
     part = np.repeat(np.arange(len(parts)), [len(f) for f in faces])
     vertices = np.concatenate([shape.vertices for shape in parts.values()])
-    return make_surface(vertices, np.concatenate(faces), part=part, part_names=tuple(names or parts))
+    return make_surface(
+        vertices, np.concatenate(faces), part=part, part_names=tuple(names or parts)
+    )
 
 
 @pytest.fixture(scope="module")
 def wheel_view():
     surface = wheel_surface()
     camera = fit_camera(surface.vertices, "25,20", width=300, height=300)
-    return surface, camera, extract(surface, camera, hidden=True)
+    return surface, camera, extract_view(surface, camera, hidden=True)
 
 
 def distance_to_parts(surface, camera, xy):
     """From pixels (N, 2) to the nearest vertex of each part, (N, parts), px."""
     return np.stack(
         [
-            cKDTree(camera.project(surface.vertices[surface.faces[surface.part == k].ravel()])[0]).query(xy)[0]
+            cKDTree(
+                camera.project(surface.vertices[surface.faces[surface.part == k].ravel()])[0]
+            ).query(xy)[0]
             for k in range(len(surface.part_names))
         ],
         axis=1,
@@ -583,12 +664,14 @@ def test_every_point_of_a_curve_is_of_a_part_that_lies_there(wheel_view):
 def test_curves_of_its_own_and_from_elsewhere_are_of_the_same_parts(wheel_view):
     """Two roads: by the face that a line was found on, and by rays."""
     surface, camera, view = wheel_view
-    other = view_of(surface, camera, view.curves)
+    other = view_of_curves(surface, camera, view.curves)
     ours, theirs = view.curve_parts, other.curve_parts
     assert len(other.curves) == len(view.curves)
     assert [ours.name(i) for i in range(len(ours))] == [theirs.name(i) for i in range(len(theirs))]
-    away = Curves.from_list([[[2, 2], [40, 2]], *(view.curves[i] + [0.7, -0.7] for i in range(len(view.curves)))])
-    shifted = view_of(surface, camera, away).curve_parts
+    away = Curves.from_list(
+        [[[2, 2], [40, 2]], *(view.curves[i] + [0.7, -0.7] for i in range(len(view.curves)))]
+    )
+    shifted = view_of_curves(surface, camera, away).curve_parts
     assert shifted.name(0) == "" and [shifted.name(i + 1) for i in range(len(ours))] == [
         ours.name(i) for i in range(len(ours))
     ]
@@ -599,17 +682,31 @@ def test_a_point_lies_on_the_face_of_the_nearest_line_if_possible_of_its_kind():
     line = np.stack([np.arange(40.0), np.full(40, 10.0)], axis=1)
     fragments = Curves.from_list([line, line + [0, 2], line + [0, 20]], [0, 2, 2])
     face = np.repeat([4, 5, 6], 40)
-    for y, kind, found in ((1.4, 0, 4), (1.9, 0, 5), (1.4, 2, 5), (0.6, 2, 5), (0.1, 2, 4), (19, 0, 6)):
+    for y, kind, found in (
+        (1.4, 0, 4),
+        (1.9, 0, 5),
+        (1.4, 2, 5),
+        (0.6, 2, 5),
+        (0.1, 2, 4),
+        (19, 0, 6),
+    ):
         curves = Curves.from_list([line + [0, y]], [kind])
         assert set(_faces_at(surface, curves, fragments, face)) == {found}, (y, kind)
     crossing = Curves.from_list([line, line + [40, 0], line + [0, 20]], [0, 7, 7])
     chain = np.concatenate([line[::3], line[::3] + [40, 0]])
     both = Curves.from_list([chain, line + [0, 20], line + [40, 0], chain[::-1]], [0, 7, 7, 0])
     found = _faces_at(surface, both, crossing, face)
-    assert [set(found[a:b]) for a, b in zip(both.offsets[:-1], both.offsets[1:], strict=True)] == [{4}, {6}, {5}, {4}]
+    assert [set(found[a:b]) for a, b in zip(both.offsets[:-1], both.offsets[1:], strict=True)] == [
+        {4},
+        {6},
+        {5},
+        {4},
+    ]
     long = np.stack([np.arange(40.0, 100.0), np.full(60, 10.0)], axis=1)
     one = Curves.from_list([np.concatenate([line, long])], [0])
-    found = _faces_at(surface, one, Curves.from_list([line, long], [0, 7]), np.repeat([4, 5], [40, 60]))
+    found = _faces_at(
+        surface, one, Curves.from_list([line, long], [0, 7]), np.repeat([4, 5], [40, 60])
+    )
     assert set(found[:40]) == {4} and set(found[42:]) == {5}
     assert set(_faces_at(surface, curves, Curves.empty(), np.zeros(0, int))) == {-1}
     assert len(_faces_at(surface, Curves.empty(), fragments, face)) == 0
@@ -625,7 +722,7 @@ def test_nearer_parts_are_painted_later():
     part = np.repeat([0, 1], len(faces))
     for azimuth, order in (("20,10", ("back", "front")), ("200,10", ("front", "back"))):
         surface = make_surface(both, both_faces, part=part, part_names=("back", "front"))
-        view = extract(surface, fit_camera(surface.vertices, azimuth, width=128, height=128))
+        view = extract_view(surface, fit_camera(surface.vertices, azimuth, width=128, height=128))
         assert view.parts.names == order
 
 
@@ -642,7 +739,7 @@ def test_nearer_parts_are_painted_later():
 )
 def test_parts_of_one_name_are_one_and_without_names_there_are_none(names, found, wheel_view):
     _, camera, whole = wheel_view
-    view = extract(wheel_surface(names), camera)
+    view = extract_view(wheel_surface(names), camera)
     assert np.array_equal(view.curves.xy, whole.curves.xy)  # names change no line
     got = None if view.parts is None else {view.parts.name(i) for i in range(len(view.parts))}
     assert got == found and (view.curve_parts is None) == (found is None)
@@ -653,13 +750,17 @@ def test_curves_are_cut_where_the_part_changes():
     vertices, faces = ball(4)
     left = vertices[faces].mean(axis=1)[:, 0] < 0
     surface = make_surface(vertices, faces, part=left.astype(int), part_names=("right", "left"))
-    view = extract(surface, fit_camera(vertices, "0,0", width=200, height=200), LineOptions(kinds=("contour",)))
+    view = extract_view(
+        surface, fit_camera(vertices, "0,0", width=200, height=200), LineOptions(kinds=("contour",))
+    )
     assert len(view.curves) == 1 and view.curves.closed[0]
     curves, parts = view.pieces_by_part()
     assert len(curves) >= 2 and not curves.closed.any()
     for i in range(len(curves)):
         side = curves[i][:, 0] - 100
-        assert (side * (-1 if parts.name(i) == "left" else 1)).min() > -4  # px, where the seam is found
+        assert (
+            side * (-1 if parts.name(i) == "left" else 1)
+        ).min() > -4  # px, where the seam is found
     assert curves.lengths().sum() == pytest.approx(view.curves.lengths().sum())
     assert view.pieces_by_part(hidden=True) == (view.hidden, None)
 
@@ -672,7 +773,9 @@ def test_parts_are_saved_and_told(wheel_view, tmp_path):
         assert getattr(back, name).names == getattr(view, name).names
         assert np.array_equal(getattr(back, name).index, getattr(view, name).index)
     content = view_to_json(view)
-    assert len(content["parts"]) == len(view.curves) and len(content["hidden"]["parts"]) == len(view.hidden)
+    assert len(content["parts"]) == len(view.curves) and len(content["hidden"]["parts"]) == len(
+        view.hidden
+    )
     assert set(content["parts"]) <= set(view.parts.names)
     plain = replace(view, parts=None, hidden_parts=None)
     save_view(tmp_path / "p.npz", plain)
@@ -682,6 +785,10 @@ def test_parts_are_saved_and_told(wheel_view, tmp_path):
 
 
 def test_lines_without_a_shape_keep_their_parts():
-    lines = Curves.from_list([[[-9, 5], [-2, 5]], [[-9, 15], [50, 15]], [[5, 25], [20, 25]], [[0, 30], [9, 30]]])
+    lines = Curves.from_list(
+        [[[-9, 5], [-2, 5]], [[-9, 15], [50, 15]], [[5, 25], [20, 25]], [[0, 30], [9, 30]]]
+    )
     view = view_of_lines(lines, 40, 40, parts=Parts(("a", "b"), [0, 1, 0, -1]))
-    assert view.curve_parts.index.tolist() == [1, 0, -1] and view_of_lines(lines, 40, 40).parts is None
+    assert (
+        view.curve_parts.index.tolist() == [1, 0, -1] and view_of_lines(lines, 40, 40).parts is None
+    )

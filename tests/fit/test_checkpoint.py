@@ -12,10 +12,13 @@ from small_views import TINY, a_drawing, a_view
 
 from strokestyle import cli
 from strokestyle.extract.view import View
+from strokestyle.fit import progress as fit_progress
+from strokestyle.fit import trace as fit_trace
 from strokestyle.fit import train as fit_module
 from strokestyle.fit.checkpoint import Checkpoint, digest
-from strokestyle.fit.train import PRESETS, TRACE_STEPS, fit
-from strokestyle.render.style import save_style
+from strokestyle.fit.trace import TRACE_STEPS
+from strokestyle.fit.train import PRESETS, fit_style
+from strokestyle.render.style_file import save_style
 
 QUICK = replace(PRESETS["quick"], steps=12, trace_steps=12)
 PAPER = replace(TINY, geometry_decay=2)  # 3 steps, then 2
@@ -24,7 +27,7 @@ PAPER = replace(TINY, geometry_decay=2)  # 3 steps, then 2
 @pytest.fixture(autouse=True)
 def all_steps_are_told(monkeypatch):
     """Progress is told a few times a second; here at every step."""
-    monkeypatch.setattr(fit_module, "BETWEEN", 0.0)
+    monkeypatch.setattr(fit_progress, "BETWEEN", 0.0)
 
 
 def stop_at(stage, step):
@@ -39,7 +42,7 @@ def learn(tmp_path, config, name="model", **options):
     """The bytes of the model learned."""
     view = a_view()
     options = {"seed": 3, "device": "cpu"} | options
-    save_style(tmp_path / f"{name}.pt", fit(view, a_drawing(view), config, **options))
+    save_style(tmp_path / f"{name}.pt", fit_style(view, a_drawing(view), config, **options))
     return (tmp_path / f"{name}.pt").read_bytes()
 
 
@@ -57,12 +60,21 @@ def test_interrupted_and_resumed_is_uninterrupted_bit_for_bit(tmp_path, config, 
     path = tmp_path / "fit.checkpoint"
     for stop in stops:
         with pytest.raises(KeyboardInterrupt):
-            learn(tmp_path, config, checkpoint=Checkpoint(path, resume=True), progress=stop_at(*stop))
+            learn(
+                tmp_path, config, checkpoint=Checkpoint(path, resume=True), progress=stop_at(*stop)
+            )
         assert path.exists()
     seen = []
-    assert learn(tmp_path, config, checkpoint=Checkpoint(path, resume=True), progress=seen.append) == whole
+    assert (
+        learn(tmp_path, config, checkpoint=Checkpoint(path, resume=True), progress=seen.append)
+        == whole
+    )
     last, step = stops[-1]
-    long = [event.step for event in seen if event.stage == last and last != "texture" or event.stage == "trace"]
+    long = [
+        event.step
+        for event in seen
+        if event.stage == last and last != "texture" or event.stage == "trace"
+    ]
     assert not long or min(long) > step  # it did go on, not begin again
 
 
@@ -86,7 +98,9 @@ def test_a_kill_leaves_the_last_checkpoint_in_time(tmp_path):
     with pytest.raises(RuntimeError):
         learn(tmp_path, QUICK, checkpoint=Checkpoint(path, every=-1e9), progress=fail)
     assert torch.load(path, weights_only=True)["stages"]["trace"]["step"] >= 1
-    assert learn(tmp_path, QUICK, checkpoint=Checkpoint(path, resume=True)) == learn(tmp_path, QUICK)
+    assert learn(tmp_path, QUICK, checkpoint=Checkpoint(path, resume=True)) == learn(
+        tmp_path, QUICK
+    )
 
 
 @pytest.fixture
@@ -101,14 +115,20 @@ def test_ctrl_c_waits_for_the_end_of_a_step_and_a_second_one_does_not(tmp_path, 
     checkpoint, x = Checkpoint(tmp_path / "c"), torch.zeros(1)
     checkpoint.begin({})
     before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt), checkpoint.watch("s", 10, {"x": x}, {}) as (remaining, passed):
+    with (
+        pytest.raises(KeyboardInterrupt),
+        checkpoint.watch("s", 10, {"x": x}, {}) as (remaining, passed),
+    ):
         for step in remaining:
             if step == 3:
                 os.kill(os.getpid(), signal.SIGINT)
             x += 1
             passed()
     assert x == 3 and checkpoint.load("s")["step"] == 3
-    with pytest.raises(KeyboardInterrupt), checkpoint.watch("s", 10, {"x": x}, {}) as (remaining, passed):
+    with (
+        pytest.raises(KeyboardInterrupt),
+        checkpoint.watch("s", 10, {"x": x}, {}) as (remaining, passed),
+    ):
         for step in remaining:
             x += 1
             if step == 5:
@@ -117,14 +137,19 @@ def test_ctrl_c_waits_for_the_end_of_a_step_and_a_second_one_does_not(tmp_path, 
             passed()
     again = Checkpoint(tmp_path / "c", resume=True)
     again.begin({})
-    assert again.load("s")["step"] == 3 and again.load("s")["learned"]["x"] == 3  # half a step is not kept
+    assert (
+        again.load("s")["step"] == 3 and again.load("s")["learned"]["x"] == 3
+    )  # half a step is not kept
     assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_polite_kill_is_as_good_as_ctrl_c(tmp_path):
     checkpoint, x = Checkpoint(tmp_path / "c"), torch.zeros(1)
     checkpoint.begin({})
-    with pytest.raises(KeyboardInterrupt), checkpoint.watch("s", 10, {"x": x}, {}) as (remaining, passed):
+    with (
+        pytest.raises(KeyboardInterrupt),
+        checkpoint.watch("s", 10, {"x": x}, {}) as (remaining, passed),
+    ):
         for step in remaining:
             if step == 4:
                 os.kill(os.getpid(), signal.SIGTERM)
@@ -139,7 +164,9 @@ def test_the_checkpoint_of_another_fit_is_refused(tmp_path):
     path, view = tmp_path / "c", a_view()
     drawing = a_drawing(view)
     with pytest.raises(KeyboardInterrupt):
-        fit(view, drawing, QUICK, seed=3, checkpoint=Checkpoint(path), progress=stop_at("trace", 2))
+        fit_style(
+            view, drawing, QUICK, seed=3, checkpoint=Checkpoint(path), progress=stop_at("trace", 2)
+        )
     kept = path.read_bytes()
     moved = View(view.camera, replace(view.curves, xy=view.curves.xy + 0.5), view.maps)
     for other, what in (
@@ -150,10 +177,18 @@ def test_the_checkpoint_of_another_fit_is_refused(tmp_path):
         ((view, drawing, replace(QUICK, roughness=0.2), 3), "another setting of the preset"),
     ):
         with pytest.raises(ValueError) as error:
-            fit(*other[:3], seed=other[3], device="cpu", checkpoint=Checkpoint(path, resume=True))
-        assert str(path) in str(error.value) and what in str(error.value) and "\n" not in str(error.value)
+            fit_style(
+                *other[:3], seed=other[3], device="cpu", checkpoint=Checkpoint(path, resume=True)
+            )
+        assert (
+            str(path) in str(error.value)
+            and what in str(error.value)
+            and "\n" not in str(error.value)
+        )
     assert path.read_bytes() == kept
-    fit(view, drawing, QUICK, seed=4, device="cpu", checkpoint=Checkpoint(path))  # without resume it is not looked at
+    fit_style(
+        view, drawing, QUICK, seed=4, device="cpu", checkpoint=Checkpoint(path)
+    )  # without resume it is not looked at
 
 
 @pytest.mark.parametrize("cut", [0, 10, 1000, -30])
@@ -187,8 +222,10 @@ def test_digests_tell_values_shapes_and_types():
 
 
 @pytest.mark.parametrize("config, stage", [(QUICK, "trace"), (PAPER, "geometry")])
-def test_a_budget_chooses_the_steps_and_a_resumed_fit_keeps_them(tmp_path, config, stage, monkeypatch):
-    monkeypatch.setattr(fit_module, "TRACE_STEPS", (14, 17))
+def test_a_budget_chooses_the_steps_and_a_resumed_fit_keeps_them(
+    tmp_path, config, stage, monkeypatch
+):
+    monkeypatch.setattr(fit_trace, "TRACE_STEPS", (14, 17))
     path, seen = tmp_path / "c", []
 
     def progress(event):
@@ -199,7 +236,9 @@ def test_a_budget_chooses_the_steps_and_a_resumed_fit_keeps_them(tmp_path, confi
     with pytest.raises(KeyboardInterrupt):
         learn(tmp_path, config, checkpoint=Checkpoint(path), minutes=0.003, progress=progress)
     chosen = {event.steps for event in seen if event.stage == stage}
-    learn(tmp_path, config, checkpoint=Checkpoint(path, resume=True), minutes=60, progress=seen.append)
+    learn(
+        tmp_path, config, checkpoint=Checkpoint(path, resume=True), minutes=60, progress=seen.append
+    )
     assert {event.steps for event in seen if event.stage == stage} == chosen and len(chosen) == 1
     assert 14 <= chosen.pop() <= 17 if config is QUICK else chosen.pop() <= 3
     assert TRACE_STEPS[0] >= 20  # below, a one-cycle schedule has no room
@@ -209,7 +248,9 @@ def test_a_budget_chooses_the_steps_and_a_resumed_fit_keeps_them(tmp_path, confi
 def test_the_papers_schedule_shrinks_with_the_budget_and_never_grows(tmp_path, minutes, steps):
     seen = []
     learn(tmp_path, PAPER, minutes=minutes, progress=seen.append)
-    assert [max(e.steps for e in seen if e.stage == stage) for stage in ("geometry", "texture")] == steps
+    assert [
+        max(e.steps for e in seen if e.stage == stage) for stage in ("geometry", "texture")
+    ] == steps
 
 
 def test_the_command_says_how_to_go_on_and_does(tmp_path, monkeypatch):
@@ -218,7 +259,7 @@ def test_the_command_says_how_to_go_on_and_does(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     from PIL import Image
 
-    from strokestyle.extract.view import save_view
+    from strokestyle.extract.view_file import save_view
 
     view = a_view()
     save_view("view.npz", view)
@@ -229,12 +270,15 @@ def test_the_command_says_how_to_go_on_and_does(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(cli.Progress, "__call__", lambda self, event: stop_at("trace", 3)(event))
         done = run(cli.main, [*command, "model.pt"])
-    assert done.exit_code == 130 and done.output.splitlines()[-1].endswith("interrupted; go on with --resume")
+    assert done.exit_code == 130 and done.output.splitlines()[-1].endswith(
+        "interrupted; go on with --resume"
+    )
     assert "Traceback" not in done.output and (tmp_path / "model.pt.checkpoint").exists()
     done = run(cli.main, [*command, "model.pt", "--resume"])
     assert done.exit_code == 0 and not (tmp_path / "model.pt.checkpoint").exists()
     assert (tmp_path / "model.pt").read_bytes() == (tmp_path / "whole.pt").read_bytes()
     done = run(cli.main, [*command, "model.pt", "--resume"])
     assert (
-        done.exit_code == 0 and "model.pt.checkpoint: no checkpoint there; starting from the beginning" in done.output
+        done.exit_code == 0
+        and "model.pt.checkpoint: no checkpoint there; starting from the beginning" in done.output
     )

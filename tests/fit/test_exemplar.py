@@ -14,7 +14,9 @@ def ring(width=6.0, radius=80.0, centre=(128.0, 128.0), shape=(SIZE, SIZE)):
     y, x = np.mgrid[: shape[0], : shape[1]] + 0.5
     distance = np.abs(np.hypot(x - centre[0], y - centre[1]) - radius)
     angle = np.linspace(0, 2 * np.pi, 200)
-    points = np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1)
+    points = np.stack(
+        [centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1
+    )
     return np.clip(width / 2 - distance + 0.5, 0, 1).astype(np.float32), points
 
 
@@ -43,7 +45,12 @@ def test_rgb_is_alpha_over_white(tmp_path):
     drawn = on_paper(0.6 * coverage, (0.7, 0.2, 0.1), (1, 1, 1))
     got, _ = ex.load_exemplar(save(tmp_path / "d.png", drawn), SIZE, SIZE, points)
     assert np.abs(got.rgb - drawn).max() < 0.01
-    assert np.abs(got.rgb - on_paper(got.alpha, (0, 0, 0), (1, 1, 1)) - got.alpha[..., None] * got.ink).max() < 1e-5
+    assert (
+        np.abs(
+            got.rgb - on_paper(got.alpha, (0, 0, 0), (1, 1, 1)) - got.alpha[..., None] * got.ink
+        ).max()
+        < 1e-5
+    )
 
 
 def test_tinted_grainy_unevenly_lit_paper_is_taken_away(tmp_path):
@@ -122,7 +129,10 @@ def test_a_smaller_sheet_is_padded(tmp_path):
         (lambda: np.ones((SIZE, SIZE, 3)), "all white"),
         (lambda: np.zeros((SIZE, SIZE, 3)), "all black"),
         (lambda: np.random.default_rng(0).random((SIZE, SIZE, 3)), "a picture rather"),
-        (lambda: on_paper(ring(centre=(60, 60), radius=30)[0], (0, 0, 0), (1, 1, 1)), "% of its ink lies farther"),
+        (
+            lambda: on_paper(ring(centre=(60, 60), radius=30)[0], (0, 0, 0), (1, 1, 1)),
+            "% of its ink lies farther",
+        ),
     ],
     ids=["white", "black", "noise", "another-drawing"],
 )

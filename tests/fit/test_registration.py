@@ -38,7 +38,9 @@ def drawn(moved=None, thickness=4.0, wobble=0.0, seed=1):
     rng, xy = np.random.default_rng(seed), CURVES.xy.copy()
     for a, b in zip(CURVES.offsets[:-1], CURVES.offsets[1:], strict=True):
         stray = rng.normal(0, 1, (b - a + 10, 2))
-        xy[a:b] += wobble * np.stack([np.convolve(s, np.ones(11) / 11**0.5, "valid") for s in stray.T], axis=1)
+        xy[a:b] += wobble * np.stack(
+            [np.convolve(s, np.ones(11) / 11**0.5, "valid") for s in stray.T], axis=1
+        )
     xy = xy if moved is None else moved(xy)
     strokes = Strokes(xy, np.full(len(xy), thickness), CURVES.offsets, CURVES.kind, CURVES.closed)
     ink = np.tile([0.3, 0.1, 0.1, 1.0], (len(strokes), 1))
@@ -73,11 +75,16 @@ def test_a_hand_that_draws_larger_keeps_its_habit():
     y, x = np.mgrid[:SIZE, :SIZE] + 0.5
     for shift in ((0.0, 0.0), (6.0, -4.0)):
         from_centre = np.hypot(x - CENTRE[0] - shift[0], y - CENTRE[1] - shift[1])
-        found = register(sum(np.clip(2.5 - abs(from_centre - r), 0, 1) for r in radii.values()), points)
+        found = register(
+            sum(np.clip(2.5 - abs(from_centre - r), 0, 1) for r in radii.values()), points
+        )
         if shift == (0.0, 0.0):
             assert found is None
         else:
-            assert np.allclose(found.shift, [-6, 4], atol=0.3) and (found.scale, found.angle) == (1.0, 0.0)
+            assert np.allclose(found.shift, [-6, 4], atol=0.3) and (found.scale, found.angle) == (
+                1.0,
+                0.0,
+            )
 
 
 def test_nothing_to_match_is_no_registration():
@@ -87,8 +94,12 @@ def test_nothing_to_match_is_no_registration():
     assert register(np.ones((SIZE, SIZE)), CURVES.xy) is None
     assert register(ink, np.repeat([[5.0, 5.0]], 40, axis=0)) is None
     straight = np.stack([np.linspace(40, 280, 80), np.full(80, 160.0)], axis=1)
-    found = register(np.roll(np.pad(np.ones((3, 240)), ((158, 159), (40, 40))), 9, axis=0), straight)
-    assert abs(found.shift[1] + 9) < 0.6 and found.angle == 0  # how far along a line is not to be told
+    found = register(
+        np.roll(np.pad(np.ones((3, 240)), ((158, 159), (40, 40))), 9, axis=0), straight
+    )
+    assert (
+        abs(found.shift[1] + 9) < 0.6 and found.angle == 0
+    )  # how far along a line is not to be told
 
 
 def test_a_similarity_and_its_way_back():
@@ -129,5 +140,11 @@ def test_a_registered_file_is_read_as_before(tmp_path):
     sheet = drawn(wobble=0.5)
     Image.fromarray((sheet * 255).astype(np.uint8)).save(tmp_path / "d.png")
     found, note = load_exemplar(tmp_path / "d.png", SIZE, SIZE, CURVES.xy)
-    plain = separate(np.asarray(Image.open(tmp_path / "d.png"), np.float32) / 255.0, transparent=True)
-    assert note == "" and np.array_equal(found.rgb, plain.rgb) and np.array_equal(found.mask, plain.mask)
+    plain = separate(
+        np.asarray(Image.open(tmp_path / "d.png"), np.float32) / 255.0, transparent=True
+    )
+    assert (
+        note == ""
+        and np.array_equal(found.rgb, plain.rgb)
+        and np.array_equal(found.mask, plain.mask)
+    )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strokestyle.geometry.curves import (
+from strokestyle.geometry.curves import (  # fmt: skip
     Curves,
     arc_length,
     blurred,
@@ -15,7 +15,7 @@ from strokestyle.geometry.curves import (
     simplify_all,
     take_ragged,
     tangents,
-)  # fmt: skip
+)
 
 ZOO = {
     "empty": [],
@@ -70,7 +70,9 @@ def test_closed_tangents_wrap():
 
 
 def test_take():
-    curves = Curves.from_list([[[0, 0], [1, 0]], [[2, 0], [3, 0], [4, 0]], [[5, 0], [6, 0]]], kind=[0, 1, 2])
+    curves = Curves.from_list(
+        [[[0, 0], [1, 0]], [[2, 0], [3, 0], [4, 0]], [[5, 0], [6, 0]]], kind=[0, 1, 2]
+    )
     got = curves.take([2, 1])
     assert got.xy[:, 0].tolist() == [5, 6, 2, 3, 4] and got.kind.tolist() == [2, 1]
     assert got.offsets.tolist() == [0, 2, 5]
@@ -102,7 +104,9 @@ def test_what_is_no_curves_is_refused(parts, word):
 
 def test_simplify_all_keeps_of_each_what_simplify_keeps():
     rng = np.random.default_rng(0)
-    lines = [np.cumsum(rng.normal(size=(n, 2)), axis=0) for n in (2, 3, 40, 200)] + [np.zeros((5, 2))]
+    lines = [np.cumsum(rng.normal(size=(n, 2)), axis=0) for n in (2, 3, 40, 200)] + [
+        np.zeros((5, 2))
+    ]
     lines.append(np.concatenate([lines[2], lines[2][:1]]))  # closed: the chord is a point
     offsets = np.cumsum([0] + [len(line) for line in lines])
     keep = simplify_all(np.concatenate(lines), offsets, 0.8)
@@ -119,13 +123,19 @@ def test_a_blur_keeps_straight_lines_and_ends_and_shrinks_a_circle_as_the_formul
     wave = np.stack([np.arange(60.0), np.sin(np.arange(60.0))], axis=1)
     soft = blurred(wave, 4.0)
     assert soft[[0, -1]] == pytest.approx(wave[[0, -1]])
-    assert np.abs(soft[15:45, 1]).max() < 0.01  # a wave of 1 radian a point, times exp(-sigma^2 / 2)
+    assert (
+        np.abs(soft[15:45, 1]).max() < 0.01
+    )  # a wave of 1 radian a point, times exp(-sigma^2 / 2)
     angle = np.linspace(0, 2 * np.pi, 101)
     circle = 10 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     round_it = blurred(circle, 5.0, closed=True)
-    assert np.hypot(*round_it.T) == pytest.approx(10 * np.exp(-0.5 * (2 * np.pi * 5 / 100) ** 2), rel=1e-3)
+    assert np.hypot(*round_it.T) == pytest.approx(
+        10 * np.exp(-0.5 * (2 * np.pi * 5 / 100) ** 2), rel=1e-3
+    )
     assert blurred(line[:1], 9.0) == pytest.approx(line[:1])
-    assert blurred(line[:2], 9.0).mean(axis=0) == pytest.approx(line[:2].mean(axis=0))  # shrinks, but about its middle
+    assert blurred(line[:2], 9.0).mean(axis=0) == pytest.approx(
+        line[:2].mean(axis=0)
+    )  # shrinks, but about its middle
 
 
 def test_counting_starts_anew_with_each_number():

@@ -30,13 +30,20 @@ def test_things_are_of_the_parts_that_names_say():
 
 def test_pieces_belong_to_the_part_that_most_of_them_is_of():
     parts = Parts(("a", "b"), [0, 0, 1, 1, 1, -1, -1, 0, 1, 0])
-    assert parts.vote(np.array([0, 2, 5, 8, 10])).index.tolist() == [0, 1, -1, 0]  # of equals the one painted first
+    assert parts.vote(np.array([0, 2, 5, 8, 10])).index.tolist() == [
+        0,
+        1,
+        -1,
+        0,
+    ]  # of equals the one painted first
     assert parts.vote(np.array([0, 10])).index.tolist() == [0]
     assert len(Parts(("a",), []).vote(np.array([0]))) == 0
     rng = np.random.default_rng(0)
     index, cuts = rng.integers(-1, 5, 400), np.unique(np.r_[0, rng.integers(1, 400, 60), 400])
     voted = Parts(tuple("abcde"), index).vote(cuts)
-    counts = [np.bincount(index[a:b] + 1, minlength=6) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+    counts = [
+        np.bincount(index[a:b] + 1, minlength=6) for a, b in zip(cuts[:-1], cuts[1:], strict=True)
+    ]
     assert voted.index.tolist() == [count.argmax() - 1 for count in counts]
 
 
@@ -47,14 +54,25 @@ def test_lines_are_cut_where_they_run_on_in_another_part():
     along = 3.0 * np.concatenate([np.arange(n) for n in np.diff(offsets)])
     made = Parts(("a", "b", "c"), index).cut(offsets, along, least=20.0)
     rows, new = made.rows, made.offsets
-    assert made.line.tolist() == [0, 0, 1, 2, 3, 3] and made.parts.index.tolist() == [0, 1, 1, 2, 0, 1]
+    assert made.line.tolist() == [0, 0, 1, 2, 3, 3] and made.parts.index.tolist() == [
+        0,
+        1,
+        1,
+        2,
+        0,
+        1,
+    ]
     assert made.whole.tolist() == [False, False, True, True, False, False]
     pieces = [rows[a:b].tolist() for a, b in zip(new[:-1], new[1:], strict=True)]
-    assert pieces[0] == list(range(11)) and pieces[1] == list(range(10, 22))  # they share the point where they meet
+    assert pieces[0] == list(range(11)) and pieces[1] == list(
+        range(10, 22)
+    )  # they share the point where they meet
     assert pieces[2] == list(range(22, 47)) and pieces[3] == list(range(47, 52))
     assert pieces[4][-1] == pieces[5][0] == 52 + 11  # in the middle of a short stretch between
     none = Parts(("a",), []).cut(np.array([0]), np.zeros(0))
-    assert len(none.rows) == len(none.parts) == len(none.line) == len(none.whole) == 0 and none.offsets.tolist() == [0]
+    assert len(none.rows) == len(none.parts) == len(none.line) == len(
+        none.whole
+    ) == 0 and none.offsets.tolist() == [0]
 
 
 def test_pieces_make_up_the_lines_whatever_they_are():
@@ -69,7 +87,11 @@ def test_pieces_make_up_the_lines_whatever_they_are():
         new = made.offsets
         assert (np.diff(new) >= 2).all() and len(made.parts) == len(made.line) == len(new) - 1
         for i in range(6):
-            mine = [made.rows[a:b] for a, b, line in zip(new[:-1], new[1:], made.line, strict=True) if line == i]
+            mine = [
+                made.rows[a:b]
+                for a, b, line in zip(new[:-1], new[1:], made.line, strict=True)
+                if line == i
+            ]
             assert all(a[-1] == b[0] for a, b in zip(mine[:-1], mine[1:], strict=True))
             whole = np.concatenate([mine[0], *(piece[1:] for piece in mine[1:])])
             assert whole.tolist() == list(range(offsets[i], offsets[i + 1]))
@@ -77,7 +99,9 @@ def test_pieces_make_up_the_lines_whatever_they_are():
 
 def test_taking_keeps_names():
     parts = Parts(("a", "b"), [0, 1, -1])
-    assert parts.take(np.array([2, 0])).index.tolist() == [-1, 0] and parts.take([True, False, True]).names == (
+    assert parts.take(np.array([2, 0])).index.tolist() == [-1, 0] and parts.take(
+        [True, False, True]
+    ).names == (
         "a",
         "b",
     )
@@ -85,7 +109,15 @@ def test_taking_keeps_names():
 
 @pytest.mark.parametrize(
     "names, index",
-    [(("a", "a"), [0]), (("",), [0]), (("a\n",), [0]), (("a",), [1]), (("a",), [-2]), ((), [0]), (("a",), [[0]])],
+    [
+        (("a", "a"), [0]),
+        (("",), [0]),
+        (("a\n",), [0]),
+        (("a",), [1]),
+        (("a",), [-2]),
+        ((), [0]),
+        (("a",), [[0]]),
+    ],
 )
 def test_what_is_no_part_is_refused(names, index):
     with pytest.raises(ValueError, match="Parts"):

@@ -28,8 +28,12 @@ def test_a_ring_has_two_polygons_that_turn_opposite_ways():
     assert abs(area(found[1])) == pytest.approx(np.pi * 23**2, rel=0.01)
     assert area(found[0]) * area(found[1]) < 0
     for ring, radius in zip(found, (13, 23), strict=True):
-        assert np.hypot(ring[:, 0] - 30.1, ring[:, 1] - 33.3) == pytest.approx(np.full(len(ring), radius), abs=0.05)
-        assert np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).max() < 1.5  # neighbours are neighbours
+        assert np.hypot(ring[:, 0] - 30.1, ring[:, 1] - 33.3) == pytest.approx(
+            np.full(len(ring), radius), abs=0.05
+        )
+        assert (
+            np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).max() < 1.5
+        )  # neighbours are neighbours
 
 
 def test_noise_is_enclosed_exactly():
@@ -43,7 +47,9 @@ def test_noise_is_enclosed_exactly():
             for ring in found:
                 a, b = ring, np.roll(ring, -1, axis=0)
                 up = (a[:, 0] <= r) != (b[:, 0] <= r)
-                at = a[:, 1] + (r - a[:, 0]) / np.where(up, b[:, 0] - a[:, 0], 1) * (b[:, 1] - a[:, 1])
+                at = a[:, 1] + (r - a[:, 0]) / np.where(up, b[:, 0] - a[:, 0], 1) * (
+                    b[:, 1] - a[:, 1]
+                )
                 turns += (up & (at > c)).sum()
             assert turns % 2 == (field[r, c] > 0)
 
@@ -75,7 +81,10 @@ def test_grids_have_their_own_levels_and_do_not_touch():
     offsets, level = np.array([0, 3, 6, 12]), np.array([0.5, 2.0, 0.25])
     points, rings, grid = isolines(field, offsets, np.zeros(3, bool), level)
     assert grid.tolist() == [0, 2, 2] and len(points) == 12 and rings.tolist() == [0, 4, 8, 12]
-    assert np.ptp(points[:4], axis=0) == pytest.approx([1.0, 1.0]) and np.ptp(points[4:8], axis=0).max() == 1.5
+    assert (
+        np.ptp(points[:4], axis=0) == pytest.approx([1.0, 1.0])
+        and np.ptp(points[4:8], axis=0).max() == 1.5
+    )
     nothing = isolines(field, offsets, np.zeros(3, bool), np.full(3, 9.0))
     assert len(nothing[0]) == 0 and nothing[1].tolist() == [0] and len(nothing[2]) == 0
 

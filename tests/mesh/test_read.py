@@ -59,14 +59,20 @@ def test_polygons_are_fans():
     t = np.arange(7) / 7 * 2 * np.pi
     points = "".join(f"v {x:.9f} {y:.9f} 0\n" for x, y in zip(np.cos(t), np.sin(t), strict=True))
     vertices, faces, _, _ = read_obj((points + "f 1 2 3\nf 1 3 4 5 6 7\n").encode())
-    assert faces[:, 0].tolist() == [0] * 5 and faces[:, 1:].tolist() == [[i, i + 1] for i in range(1, 6)]
+    assert faces[:, 0].tolist() == [0] * 5 and faces[:, 1:].tolist() == [
+        [i, i + 1] for i in range(1, 6)
+    ]
     assert area(vertices, faces) == pytest.approx(3.5 * np.sin(2 * np.pi / 7))
 
 
 def test_vertices_may_carry_weights_and_colours():
     text = b"v 0 0 0 0.5 0.5 0.5\nv 1 0 0\nv 0 1e0 0 1 # w\nf 1 2 3\n"
     assert read_obj(text)[0].tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
-    assert read_obj(b"v 0 0 0 1\nv 1 0 0 1\nv 0 1 -2.5E-1 1\nf 1 2 3")[0][2].tolist() == [0, 1, -0.25]
+    assert read_obj(b"v 0 0 0 1\nv 1 0 0 1\nv 0 1 -2.5E-1 1\nf 1 2 3")[0][2].tolist() == [
+        0,
+        1,
+        -0.25,
+    ]
 
 
 def test_objects_are_parts():
@@ -88,7 +94,10 @@ def glb(nodes, meshes):
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4").tobytes()
     blob = corners + np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes()
     piece = {"attributes": {"POSITION": 0}, "indices": 1}
-    views = [{"buffer": 0, "byteOffset": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 12}]
+    views = [
+        {"buffer": 0, "byteOffset": 0, "byteLength": 48},
+        {"buffer": 0, "byteOffset": 48, "byteLength": 12},
+    ]
     content = {
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": list(range(len(nodes)))}], "nodes": nodes,
         "meshes": [{**mesh, "primitives": [piece] * mesh["primitives"]} for mesh in meshes], "bufferViews": views,
@@ -100,18 +109,32 @@ def glb(nodes, meshes):
     }  # fmt: skip
     text = json.dumps(content).encode()
     text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(blob), 0x004E4942) + blob
+    chunks = (
+        struct.pack("<II", len(text), 0x4E4F534A)
+        + text
+        + struct.pack("<II", len(blob), 0x004E4942)
+        + blob
+    )
     return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
 
 
-def test_parts_of_a_scene_have_the_names_of_nodes_then_of_meshes_and_none_that_were_made_up(tmp_path):
+def test_parts_of_a_scene_have_the_names_of_nodes_then_of_meshes_and_none_that_were_made_up(
+    tmp_path,
+):
     nodes = [
         {"name": "body", "mesh": 0}, {"name": "body_part", "mesh": 1, "translation": [2, 0, 0]},
         {"mesh": 1, "translation": [4, 0, 0]}, {"mesh": 2, "translation": [6, 0, 0]},
     ]  # fmt: skip
     path = tmp_path / "scene.glb"
     path.write_bytes(
-        glb(nodes, [{"name": "two", "primitives": 2}, {"name": "plate", "primitives": 1}, {"primitives": 1}])
+        glb(
+            nodes,
+            [
+                {"name": "two", "primitives": 2},
+                {"name": "plate", "primitives": 1},
+                {"primitives": 1},
+            ],
+        )
     )
     vertices, faces, part, names = read_mesh(path)
     left = vertices[faces].min(axis=(1, 2), where=[True, False, False], initial=9)
@@ -124,7 +147,10 @@ def test_parts_of_a_scene_have_the_names_of_nodes_then_of_meshes_and_none_that_w
     "text, message",
     [
         (b"v 0 0 0\nv 1 0\nf 1 2 1", "line 2, 'v 1 0': a vertex has three coordinates"),
-        (SQUARE + b"\r\n# no\r\nf 1 2 9", "line 7, 'f 1 2 9': a face names a vertex that is none of the 4"),
+        (
+            SQUARE + b"\r\n# no\r\nf 1 2 9",
+            "line 7, 'f 1 2 9': a face names a vertex that is none of the 4",
+        ),
         (SQUARE + b"f 1 2 0", "line 5, 'f 1 2 0'"),
         (SQUARE + b"f -5 1 2", "none of the 4"),
         (b"v 1 2 3\nvn 0 0 1\nv 1 x 3\nf 1 2 1", "line 3, 'v 1 x 3': not a number"),
@@ -138,7 +164,23 @@ def test_errors_name_the_line(text, message):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "\n", "v", "f", "f ", "f#", "o", "o \n", "\\\n", "\\", " ", "\0", "v 1 2 3", "v 1 2 3\nf 1"]
+    "text",
+    [
+        "",
+        "\n",
+        "v",
+        "f",
+        "f ",
+        "f#",
+        "o",
+        "o \n",
+        "\\\n",
+        "\\",
+        " ",
+        "\0",
+        "v 1 2 3",
+        "v 1 2 3\nf 1",
+    ],
 )
 def test_next_to_nothing(text):
     vertices, faces, part, names = read_obj(text.encode())
@@ -153,30 +195,61 @@ def test_huge_numbers_are_refused_not_wrapped():
 
 
 def quads():
-    return np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 2.5], [1, 0, 2]]), [[0, 1, 2, 3], [0, 1, 5, 4]]
+    return np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 2.5], [1, 0, 2]]), [
+        [0, 1, 2, 3],
+        [0, 1, 5, 4],
+    ]
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
-@pytest.mark.parametrize("colours, number, ends", [(False, "float", "\n"), (True, "double", "\r\n")])
+@pytest.mark.parametrize(
+    "colours, number, ends", [(False, "float", "\n"), (True, "double", "\r\n")]
+)
 def test_ply_of_quads(form, colours, number, ends):
     """Written here, byte by byte, with what other programs put around it."""
     vertices, faces = quads()
     order = {"binary_big_endian": ">"}.get(form, "<")
     columns = ["property uchar red"] * colours + [f"property {number} {axis}" for axis in "xyz"]
-    header = ["ply", f"format {form} 1.0", "comment of nothing", "element vertex 6", *columns, "element face 2"]
-    header += ["property list uchar int vertex_indices", "element edge 0", "property int v", "end_header", ""]
+    header = [
+        "ply",
+        f"format {form} 1.0",
+        "comment of nothing",
+        "element vertex 6",
+        *columns,
+        "element face 2",
+    ]
+    header += [
+        "property list uchar int vertex_indices",
+        "element edge 0",
+        "property int v",
+        "end_header",
+        "",
+    ]
     data = ends.join(header).encode()
     if form == "ascii":
         rows = [" ".join(map(str, [7, *point][1 - colours :])) for point in vertices]
         data += "\n".join([*rows, *(f"4 {a} {b} {c} {d}" for a, b, c, d in faces)]).encode()
     else:
         for point in vertices:
-            data += b"\7" * colours + np.array(point, order + {"float": "f4", "double": "f8"}[number]).tobytes()
+            data += (
+                b"\7" * colours
+                + np.array(point, order + {"float": "f4", "double": "f8"}[number]).tobytes()
+            )
         for face in faces:
             data += b"\4" + np.array(face, order + "i4").tobytes()
     found, triangles, part, names = read_ply(data)
-    assert np.allclose(found, vertices) and triangles.tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 5], [0, 5, 4]]
-    assert not part.any() and names == ("",) and found.dtype == np.float64 and triangles.dtype == np.int64
+    assert np.allclose(found, vertices) and triangles.tolist() == [
+        [0, 1, 2],
+        [0, 2, 3],
+        [0, 1, 5],
+        [0, 5, 4],
+    ]
+    assert (
+        not part.any()
+        and names == ("",)
+        and found.dtype == np.float64
+        and triangles.dtype == np.int64
+    )
 
 
 @pytest.mark.parametrize("kind, read", [("ply", read_ply), ("stl", read_stl)])
@@ -194,7 +267,12 @@ def test_what_is_uncommon_is_left_to_trimesh(tmp_path):
     body = "\n".join(" ".join(map(str, point)) for point in vertices) + "\n4 0 1 2 3\n3 0 1 5\n"
     header = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"
     text = header + "element face 2\nproperty list uchar int vertex_indices\nend_header\n" + body
-    for uncommon in (text, text.replace("3 0 1 5", "3 0 1 5 0"), text.replace("4 0 1 2 3", "3 0 1 9"), text[:-30]):
+    for uncommon in (
+        text,
+        text.replace("3 0 1 5", "3 0 1 5 0"),
+        text.replace("4 0 1 2 3", "3 0 1 9"),
+        text[:-30],
+    ):
         with pytest.raises(ValueError):
             read_ply(uncommon.encode())
     with pytest.raises(ValueError):

@@ -10,11 +10,14 @@ import pytest
 import shapes
 import trimesh
 
-from strokestyle.mesh.surface import Surface, bounding_radius, corner_areas, load_surface, make_surface
+from strokestyle.mesh.curvature import bounding_radius, corner_areas
+from strokestyle.mesh.surface import Surface, load_surface, make_surface
 from strokestyle.mesh.triangles import Edges
 
 SHARED = os.environ.get("STROKESTYLE_SHARED")
-needs_oracles = pytest.mark.skipif(not SHARED, reason="STROKESTYLE_SHARED names no folder with rtsc's numbers")
+needs_oracles = pytest.mark.skipif(
+    not SHARED, reason="STROKESTYLE_SHARED names no folder with rtsc's numbers"
+)
 TRIANGLE = ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 
 
@@ -57,13 +60,17 @@ def test_an_irregular_sphere_is_exact_too():
     assert np.abs(surface.k2 / surface.scale - 1).max() < 1e-9
 
 
-@pytest.mark.parametrize("make", [lambda n: shapes.torus(1, 0.4, 2 * n, n), lambda n: shapes.saddle(n + 1)])
+@pytest.mark.parametrize(
+    "make", [lambda n: shapes.torus(1, 0.4, 2 * n, n), lambda n: shapes.saddle(n + 1)]
+)
 def test_error_falls_with_the_square_of_the_edge(make):
     mean = []
     for n in (20, 40, 80):
         shape = make(n)
         surface = make_surface(*shape)
-        inner = np.abs(surface.vertices).max(axis=1) < (0.35 if not surface.closed_faces.all() else 1)
+        inner = np.abs(surface.vertices).max(axis=1) < (
+            0.35 if not surface.closed_faces.all() else 1
+        )
         mean.append(errors(shape, surface)[inner].mean())
     assert mean[-1] < 2e-3
     assert mean[0] / mean[2] > 10  # two halvings
@@ -121,7 +128,9 @@ def test_curvature_holds_up_to_the_border():
 
 def test_a_hollow_is_negative():
     shape = shapes.height_field(
-        lambda x, y: x * x + 0.5 * y * y, lambda x, y: (2 * x, y), lambda x, y: (0 * x + 2, 0 * x, 0 * x + 1)
+        lambda x, y: x * x + 0.5 * y * y,
+        lambda x, y: (2 * x, y),
+        lambda x, y: (0 * x + 2, 0 * x, 0 * x + 1),
     )
     surface = make_surface(*shape)
     middle = np.argmin(np.abs(shape.vertices[:, :2]).sum(axis=1))
@@ -144,7 +153,9 @@ def test_corner_areas_share_each_face():
     for f in np.flatnonzero(acute)[:3]:
         p = w @ vertices[faces[f]]
         nearest = np.linalg.norm(p[:, None] - vertices[faces[f]], axis=2).argmin(axis=1)
-        assert np.allclose(np.bincount(nearest, minlength=3) / len(p), areas[f] / areas[f].sum(), atol=0.02)
+        assert np.allclose(
+            np.bincount(nearest, minlength=3) / len(p), areas[f] / areas[f].sum(), atol=0.02
+        )
 
 
 def test_bounding_radius():
@@ -152,7 +163,9 @@ def test_bounding_radius():
     directions = rng.normal(size=(500, 3))
     on_sphere = 3 * directions / np.linalg.norm(directions, axis=1, keepdims=True) + [1, 2, 3]
     assert bounding_radius(on_sphere) == pytest.approx(3, rel=1e-2)
-    assert bounding_radius(np.array([[-2.0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 0.5]])) == pytest.approx(2)
+    assert bounding_radius(
+        np.array([[-2.0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 0.5]])
+    ) == pytest.approx(2)
     assert bounding_radius(shapes.cube(3).vertices) == pytest.approx(np.sqrt(3) / 2)
 
 
@@ -171,8 +184,14 @@ def test_place_size_turn_and_corner_order_do_not_matter():
     assert np.allclose(moved.k1 / unit, plain.k1, atol=1e-6)
     assert np.allclose(moved.k2 / unit, plain.k2, atol=1e-6)
     assert np.allclose(moved.normals, plain.normals @ turn.T, atol=1e-9)
-    assert np.allclose(np.linalg.norm(moved.dcurv, axis=1) / unit**2, np.linalg.norm(plain.dcurv, axis=1), atol=1e-4)
-    assert np.allclose(moved.original(moved.vertices), 1e3 * shape.vertices @ turn.T + [5e3, 0, 1e4], atol=1e-6)
+    assert np.allclose(
+        np.linalg.norm(moved.dcurv, axis=1) / unit**2,
+        np.linalg.norm(plain.dcurv, axis=1),
+        atol=1e-4,
+    )
+    assert np.allclose(
+        moved.original(moved.vertices), 1e3 * shape.vertices @ turn.T + [5e3, 0, 1e4], atol=1e-6
+    )
 
 
 def test_smoothing_takes_noise_away():
@@ -205,7 +224,10 @@ def test_rtsc(name):
         assert np.percentile(error, 99) < 1e-2
     assert ours.feature_size == pytest.approx(float(theirs["feature_size"]), rel=1e-4)
     paper = make_surface(theirs["vertices"], theirs["faces"], crease=180)
-    assert np.median(np.abs(paper.k1 - theirs["curv1"]) / np.maximum(np.abs(theirs["curv1"]), unit)) < 0.02
+    assert (
+        np.median(np.abs(paper.k1 - theirs["curv1"]) / np.maximum(np.abs(theirs["curv1"]), unit))
+        < 0.02
+    )
     assert paper.feature_size == pytest.approx(float(theirs["feature_size"]), rel=0.1)
 
 
@@ -215,7 +237,9 @@ def test_rtscs_slip_depends_on_corner_order():
     shape = shapes.saddle(21)
     rolled = np.roll(shape.faces, 1, axis=1)
     points = shape.vertices + 0.01 * rng.normal(size=shape.vertices.shape)
-    slip = [make_surface(points, faces, crease=180, rtsc=True).k1 for faces in (shape.faces, rolled)]
+    slip = [
+        make_surface(points, faces, crease=180, rtsc=True).k1 for faces in (shape.faces, rolled)
+    ]
     ours = [make_surface(points, faces).k1 for faces in (shape.faces, rolled)]
     assert np.allclose(*ours, atol=1e-6)
     assert not np.allclose(*slip, rtol=0.05)
@@ -243,26 +267,35 @@ def test_what_is_no_surface_goes():
     assert len(surface.faces) == len(shape.faces) and len(surface.vertices) == count
     assert np.array_equal(surface.faces, shape.faces)  # nothing else is touched
     middle = 0.5 * (shape.vertices[shape.faces[0, 0]] + shape.vertices[shape.faces[0, 1]])
-    needle = make_surface(np.vstack([shape.vertices, middle]), np.vstack([shape.faces, [*shape.faces[0, :2], count]]))
+    needle = make_surface(
+        np.vstack([shape.vertices, middle]), np.vstack([shape.faces, [*shape.faces[0, :2], count]])
+    )
     assert len(needle.faces) == len(shape.faces)
 
 
 def test_thin_faces_make_no_creases():
     """A flat strip meets two halves in a T-junction closed by a face of three points in a row, rounded or exact."""
     for bump in (0.0, 1e-6, -1e-6):
-        points = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [1, 0, bump], [0, -1, 0], [2, -1, 0]], float)
+        points = np.array(
+            [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [1, 0, bump], [0, -1, 0], [2, -1, 0]],
+            float,
+        )
         faces = [[0, 1, 2], [0, 2, 3], [0, 4, 1], [0, 5, 4], [4, 5, 6], [4, 6, 1]]
         surface = make_surface(points, faces)
         assert len(surface.faces) == 6 and (surface.edge_face_count == 1).sum() == 6
         assert np.allclose(np.abs(surface.face_normals[:, 2]), 1, atol=1e-5)
-        assert len(surface.vertices) == 7 and np.allclose(surface.normals[:, 2], surface.normals[0, 2], atol=1e-5)
+        assert len(surface.vertices) == 7 and np.allclose(
+            surface.normals[:, 2], surface.normals[0, 2], atol=1e-5
+        )
 
 
 def test_winding_is_unified_and_outward():
     shape = shapes.torus(1, 0.4, 24, 16)
     rng = np.random.default_rng(7)
     for turned in (np.ones(len(shape.faces), bool), rng.random(len(shape.faces)) < 0.5):
-        surface = make_surface(shape.vertices, np.where(turned[:, None], shape.faces[:, ::-1], shape.faces))
+        surface = make_surface(
+            shape.vertices, np.where(turned[:, None], shape.faces[:, ::-1], shape.faces)
+        )
         assert np.einsum("ij,ij->i", surface.normals, shape.normals).min() > 0.9
         assert surface.k1.min() > 0
 
@@ -283,7 +316,9 @@ def test_open_surfaces_keep_the_side_of_most_faces():
     rng = np.random.default_rng(8)
     for share in (0.3, 0.7):
         turned = rng.random(len(shape.faces)) < share
-        surface = make_surface(shape.vertices, np.where(turned[:, None], shape.faces[:, ::-1], shape.faces))
+        surface = make_surface(
+            shape.vertices, np.where(turned[:, None], shape.faces[:, ::-1], shape.faces)
+        )
         outward = np.sign(np.einsum("ij,ij->i", surface.normals, shape.normals))
         assert (outward == (1 if share < 0.5 else -1)).all()
         assert not surface.closed_faces.any()
@@ -300,10 +335,15 @@ def test_a_surface_that_has_no_sides():
 
 def test_fins_and_touching_parts():
     """Three faces at one edge, and two tetrahedra that share only an edge, or a vertex."""
-    fin = make_surface([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0.1], [0, 0, 1]], [[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    fin = make_surface(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0.1], [0, 0, 1]],
+        [[0, 1, 2], [1, 0, 3], [0, 1, 4]],
+    )
     assert sorted(fin.edge_face_count)[-1] == 3
     tetra = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 0], [0, 0, -1.0], [-1, 0, 0]])
+    points = np.array(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 0], [0, 0, -1.0], [-1, 0, 0]]
+    )
     by_edge = make_surface(points[:6], np.vstack([tetra, np.array([0, 4, 1, 5])[tetra]]))
     by_vertex = make_surface(points, np.vstack([tetra, np.array([0, 6, 4, 5])[tetra]]))
     assert len(by_edge.faces) == len(by_vertex.faces) == 8
@@ -316,16 +356,22 @@ def test_any_unit(size):
     surface = make_surface(size * shape.vertices, shape.faces)
     assert np.ptp(surface.vertices, axis=0).max() == pytest.approx(1)
     assert np.allclose(surface.vertices.min(axis=0), -surface.vertices.max(axis=0))
-    assert np.allclose(surface.original(surface.vertices), size * shape.vertices, rtol=1e-6, atol=1e-9 * size)
+    assert np.allclose(
+        surface.original(surface.vertices), size * shape.vertices, rtol=1e-6, atol=1e-9 * size
+    )
 
 
 def test_a_cube_has_six_flat_sides():
     surface = make_surface(*shapes.cube(4))
     assert np.array_equal(np.sort(np.abs(surface.normals), axis=1), np.tile([0, 0, 1], (6 * 16, 1)))
     assert not surface.k1.any() and not surface.dcurv.any()
-    assert len(np.unique(surface.weld)) == 56 and np.array_equal(surface.vertices, surface.vertices[surface.weld])
+    assert len(np.unique(surface.weld)) == 56 and np.array_equal(
+        surface.vertices, surface.vertices[surface.weld]
+    )
     assert len(surface.cut_edges) == 12 * 3
-    assert surface.closed_faces.all() and (surface.edge_face_count == 2).all()  # it is still one closed surface
+    assert (
+        surface.closed_faces.all() and (surface.edge_face_count == 2).all()
+    )  # it is still one closed surface
     assert len(make_surface(*shapes.cube(4), crease=95).vertices) == 56
 
 
@@ -361,8 +407,14 @@ def zoo():
     yield "one triangle", TRIANGLE
     yield "plane", shapes.plane()
     yield "cube", shapes.cube()
-    yield "back to back", ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1e-3]], [[0, 1, 2], [0, 2, 1], [0, 3, 1]])
-    yield "slivers", ([[0, 0, 0], [1, 0, 0], [0.5, 1e-8, 0], [0.5, 1, 0]], [[0, 1, 2], [0, 2, 3], [2, 1, 3]])
+    yield (
+        "back to back",
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1e-3]], [[0, 1, 2], [0, 2, 1], [0, 3, 1]]),
+    )
+    yield (
+        "slivers",
+        ([[0, 0, 0], [1, 0, 0], [0.5, 1e-8, 0], [0.5, 1, 0]], [[0, 1, 2], [0, 2, 3], [2, 1, 3]]),
+    )
     spike = shapes.sphere(1).vertices.copy()
     spike[0] *= 1e4
     yield "spike", (spike, shapes.sphere(1).faces)
@@ -371,7 +423,9 @@ def zoo():
     yield "islands", (rng.normal(size=(300, 3)), np.arange(300).reshape(-1, 3))
 
 
-@pytest.mark.parametrize("name, mesh", list(zoo()), ids=lambda value: value if isinstance(value, str) else "")
+@pytest.mark.parametrize(
+    "name, mesh", list(zoo()), ids=lambda value: value if isinstance(value, str) else ""
+)
 @pytest.mark.parametrize("smooth", [0.0, 1.5])
 def test_everything_is_finite(name, mesh, smooth):
     surface = make_surface(*mesh, smooth=smooth)  # Surface itself refuses what is not finite
@@ -390,10 +444,14 @@ def test_edges():
     assert len(surface.vertices) - len(surface.edges) + len(surface.faces) == 2
     start = surface.faces[:, [0, 1, 2]]
     end = surface.faces[:, [1, 2, 0]]
-    assert np.array_equal(surface.edges[surface.face_edges], np.sort(np.stack([start, end], axis=2), axis=2))
+    assert np.array_equal(
+        surface.edges[surface.face_edges], np.sort(np.stack([start, end], axis=2), axis=2)
+    )
     assert (surface.edge_face_count == 2).all()
     for face in surface.edge_faces.T:
-        assert (surface.face_edges[face] == np.arange(len(surface.edges))[:, None]).any(axis=1).all()
+        assert (
+            (surface.face_edges[face] == np.arange(len(surface.edges))[:, None]).any(axis=1).all()
+        )
     lone = Edges.of(np.array([[2, 0, 1]]), 3)
     assert lone.ends.tolist() == [[0, 1], [0, 2], [1, 2]] and lone.of_side.tolist() == [[1, 0, 2]]
 
@@ -439,7 +497,9 @@ def test_formats_agree(tmp_path, kind):
 def test_scenes_are_merged_with_transforms_and_names(tmp_path):
     scene, box = trimesh.Scene(), trimesh.Trimesh(*shapes.cube(), process=False)
     scene.add_geometry(box, node_name="body")
-    scene.add_geometry(box, node_name="wheel", transform=trimesh.transformations.translation_matrix([4, 0, 0]))
+    scene.add_geometry(
+        box, node_name="wheel", transform=trimesh.transformations.translation_matrix([4, 0, 0])
+    )
     path = tmp_path / "scene.glb"
     path.write_bytes(scene.export(file_type="glb"))
     surface = load_surface(path)
@@ -564,7 +624,9 @@ def test_a_surface_refuses_what_does_not_fit():
 
 def test_reading_says_nothing(tmp_path, capfd):
     path = tmp_path / "a.gltf"
-    path.write_text(json.dumps({"asset": {"version": "2.0"}, "meshes": [], "buffers": [{"uri": "gone.bin"}]}))
+    path.write_text(
+        json.dumps({"asset": {"version": "2.0"}, "meshes": [], "buffers": [{"uri": "gone.bin"}]})
+    )
     with pytest.raises((ValueError, OSError), match=r"a\.gltf"):
         load_surface(path)
     assert capfd.readouterr() == ("", "")

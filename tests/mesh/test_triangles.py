@@ -30,12 +30,16 @@ def test_every_side_finds_its_edge_and_back(faces, count):
         for i in range(3):
             a, b = int(face[i]), int(face[(i + 1) % 3])
             sides.setdefault((min(a, b), max(a, b)), []).append(3 * f + i)
-    assert edges.ends.tolist() == [list(ends) for ends in sorted(sides)] and len(edges) == len(sides)
+    assert edges.ends.tolist() == [list(ends) for ends in sorted(sides)] and len(edges) == len(
+        sides
+    )
     for e, ends in enumerate(sorted(sides)):
         found = sides[ends]
         assert edges.uses[e] == len(found)
         assert edges.sides[e].tolist() == (found + [-1])[:2]
-        assert edges.faces[e].tolist() == [side // 3 if side >= 0 else -1 for side in edges.sides[e]]
+        assert edges.faces[e].tolist() == [
+            side // 3 if side >= 0 else -1 for side in edges.sides[e]
+        ]
         assert all(edges.of_side.ravel()[side] == e for side in found)
 
 
@@ -51,13 +55,21 @@ def test_turned_faces_have_the_edges_of_turned_faces(faces, count):
 @pytest.mark.parametrize("faces, count", MESHES)
 def test_components_are_those_of_shared_edges(faces, count):
     far = np.vstack(
-        [faces, faces + count, [[2 * count, 2 * count + 1, 2 * count + 2]], [[0, 2 * count + 3, 2 * count + 4]]]
+        [
+            faces,
+            faces + count,
+            [[2 * count, 2 * count + 1, 2 * count + 2]],
+            [[0, 2 * count + 3, 2 * count + 4]],
+        ]
     )
     found = Edges.of(far, 2 * count + 5).components()
     label = np.arange(len(far))
     pairs = [[set(a[[i, i - 1]].tolist()) for i in range(3)] for a in far]
     for _ in range(len(far)):  # to the least label of any neighbour, until nothing changes
-        new = [min(label[g] for g in range(len(far)) if any(p in pairs[g] for p in pairs[f])) for f in range(len(far))]
+        new = [
+            min(label[g] for g in range(len(far)) if any(p in pairs[g] for p in pairs[f]))
+            for f in range(len(far))
+        ]
         if np.array_equal(new, label):
             break
         label = np.array(new)

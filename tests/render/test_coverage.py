@@ -57,7 +57,9 @@ def test_a_disc_has_its_area_and_its_derivative_is_its_rim():
     area = coverage(xy, thickness, torch.tensor([0, 1]), 50, 50).sum()
     area.backward()
     assert area.item() == pytest.approx(np.pi * 100, rel=2e-3)
-    assert thickness.grad.item() == pytest.approx(np.pi * 10, rel=2e-3)  # d(pi w^2 / 4) / dw = pi w / 2
+    assert thickness.grad.item() == pytest.approx(
+        np.pi * 10, rel=2e-3
+    )  # d(pi w^2 / 4) / dw = pi w / 2
 
 
 @pytest.mark.parametrize(
@@ -71,7 +73,9 @@ def test_a_disc_has_its_area_and_its_derivative_is_its_rim():
 )
 def test_coverage_agrees_with_dense_samples(name, step, bend, low, high, mean, worst):
     xy, thickness, offsets = scribbles(np.random.default_rng(1), 5, step, bend, low, high)
-    error = np.abs(cover(xy, thickness, offsets, 48, 48).numpy() - sampled(xy, thickness, offsets, 48, 48))
+    error = np.abs(
+        cover(xy, thickness, offsets, 48, 48).numpy() - sampled(xy, thickness, offsets, 48, 48)
+    )
     assert error.mean() < mean
     assert error.max() < worst
 
@@ -85,7 +89,11 @@ def test_gradients_agree_with_differences_of_dense_samples():
     (coverage(a, b, torch.tensor(offsets), 48, 48) * torch.tensor(weight)).sum().backward()
     h, got, want = 0.3, [], []
     for i in range(0, len(xy), 6):
-        for grad, array, place in ((a.grad, xy, (i, 0)), (a.grad, xy, (i, 1)), (b.grad, thickness, (i,))):
+        for grad, array, place in (
+            (a.grad, xy, (i, 0)),
+            (a.grad, xy, (i, 1)),
+            (b.grad, thickness, (i,)),
+        ):
             value = array[place]
             sums = []
             for sign in (1, -1):
@@ -152,7 +160,18 @@ def test_a_batch_is_its_images_one_by_one():
         ([[5, 5], [5 + 1e-9, 5], [5 + 1e-4, 5 + 1e-4]], [3, 1, 2], [0, 3]),
         ([[8, 8], [9, 9]], [500, 700], [0, 2]),
     ],
-    ids=["empty", "dot", "heap", "stutter", "hairless", "there-and-back", "outside", "long", "tiny", "huge"],
+    ids=[
+        "empty",
+        "dot",
+        "heap",
+        "stutter",
+        "hairless",
+        "there-and-back",
+        "outside",
+        "long",
+        "tiny",
+        "huge",
+    ],
 )
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_degenerate_strokes_stay_finite(xy, thickness, offsets, dtype):
@@ -183,7 +202,9 @@ def test_two_runs_give_the_same_bytes():
     runs = []
     for _ in range(2):
         a = torch.tensor(xy, dtype=torch.float32, requires_grad=True)
-        out = coverage(a, torch.tensor(thickness, dtype=torch.float32), torch.tensor(offsets), 64, 64)
+        out = coverage(
+            a, torch.tensor(thickness, dtype=torch.float32), torch.tensor(offsets), 64, 64
+        )
         out.square().sum().backward()
         runs.append((out.detach().numpy().tobytes(), a.grad.numpy().tobytes()))
     assert runs[0] == runs[1]

@@ -8,7 +8,7 @@ import torch
 from small_views import TINY, a_drawing, a_view
 from torch.overrides import TorchFunctionMode
 
-from strokestyle.fit.train import PRESETS, fit
+from strokestyle.fit.train import PRESETS, fit_style
 from strokestyle.render.coverage import coverage
 from strokestyle.render.devices import pick_device, repeatable
 
@@ -31,8 +31,12 @@ class OnAnotherDevice(TorchFunctionMode):
             network = makes == ("__init__", "strokestyle.render.networks")
             if func in MAKERS and kwargs.get("device") is None and not network:
                 raise AssertionError(f"{place}: a tensor is made without saying on which device")
-            if func in (torch.Tensor.numpy, torch.Tensor.__array__) and not hasattr(args[0], "on_host"):
-                raise AssertionError(f"{place}: an array is taken from a tensor that was not brought to the host")
+            if func in (torch.Tensor.numpy, torch.Tensor.__array__) and not hasattr(
+                args[0], "on_host"
+            ):
+                raise AssertionError(
+                    f"{place}: an array is taken from a tensor that was not brought to the host"
+                )
         out = func(*args, **kwargs)
         if func is torch.Tensor.cpu:
             out = out.clone()
@@ -40,12 +44,14 @@ class OnAnotherDevice(TorchFunctionMode):
         return out
 
 
-@pytest.mark.parametrize("config", [replace(PRESETS["quick"], steps=4, trace_steps=4), TINY], ids=["quick", "paper"])
+@pytest.mark.parametrize(
+    "config", [replace(PRESETS["quick"], steps=4, trace_steps=4), TINY], ids=["quick", "paper"]
+)
 def test_a_fit_says_where_each_tensor_is(config):
     view = a_view()
     drawing = a_drawing(view)
     with OnAnotherDevice():
-        style = fit(view, drawing, config, device="cpu", minutes=0.002)
+        style = fit_style(view, drawing, config, device="cpu", minutes=0.002)
         style.draw(view)
 
 
@@ -60,7 +66,9 @@ def test_coverage_says_where_each_tensor_is():
 
 def test_the_watch_sees_what_it_is_for():
     def at_home(body):
-        exec(compile(body, "made_up.py", "exec"), {"__name__": "strokestyle.made_up", "torch": torch})
+        exec(
+            compile(body, "made_up.py", "exec"), {"__name__": "strokestyle.made_up", "torch": torch}
+        )
 
     for wrong in ("torch.zeros(3)", "torch.tensor([1.0], device='cpu').numpy()"):
         with OnAnotherDevice(), pytest.raises(AssertionError, match="made_up.py:1"):
@@ -84,6 +92,9 @@ def test_a_gpu_is_asked_to_repeat_itself_and_only_then(monkeypatch):
     with repeatable(torch.device("cpu")):
         assert not torch.are_deterministic_algorithms_enabled()
     with pytest.raises(KeyError), repeatable(torch.device("cuda")):
-        assert torch.are_deterministic_algorithms_enabled() and torch.is_deterministic_algorithms_warn_only_enabled()
+        assert (
+            torch.are_deterministic_algorithms_enabled()
+            and torch.is_deterministic_algorithms_warn_only_enabled()
+        )
         raise KeyError
     assert not torch.are_deterministic_algorithms_enabled()

@@ -11,9 +11,10 @@ from small_drawings import drawing
 
 from strokestyle.drawing.strokes import Drawing, Strokes
 from strokestyle.extract.camera import Camera
-from strokestyle.extract.view import FeatureMaps, View
+from strokestyle.extract.feature_maps import FeatureMaps
+from strokestyle.extract.view import View
 from strokestyle.geometry.curves import Curves
-from strokestyle.render.figure import NAMES, stage_files, stages
+from strokestyle.render.figure import NAMES, figure_files, figure_steps
 
 
 def view_of(drawn):
@@ -21,7 +22,9 @@ def view_of(drawn):
     width, height = drawn.size
     camera = Camera((0, 0, 3), (0, 0, 0), (0, 1, 0), 30.0, width, height)
     s = drawn.strokes
-    maps = FeatureMaps((), np.zeros((0, height, width), np.float32), np.zeros((height, width), bool))
+    maps = FeatureMaps(
+        (), np.zeros((0, height, width), np.float32), np.zeros((height, width), bool)
+    )
     return View(camera, Curves(s.xy + [3.0, 0.0], s.offsets, s.kind, s.closed), maps)
 
 
@@ -32,17 +35,21 @@ def pixels(png):
 @pytest.mark.parametrize("texture", [None, "grain"])
 def test_each_stage_adds_one_thing(texture):
     drawn = drawing(12, texture)
-    made = stages(view_of(drawn), drawn, title="a & b", page_size="A4", plotter=True)  # neither fits a figure
+    made = figure_steps(
+        view_of(drawn), drawn, title="a & b", page_size="A4", plotter=True
+    )  # neither fits a figure
     assert [stage.name for stage in made] == list(NAMES)
     for stage in made:
         assert "a &amp; b" in stage.svg
         ET.fromstring(stage.svg)
     assert len({stage.svg for stage in made}) == 4
-    files = stage_files(made, 2.0)
+    files = figure_files(made, 2.0)
     curves, displaced, strokes, textured = (pixels(files[f"{name}.png"]) for name in NAMES)
     assert curves.shape == (240, 320)
     inner = np.s_[10:-10, 10:-10]
-    assert np.abs(np.roll(curves, -6, axis=1) - displaced)[inner].mean() < 1  # 3 px at twice the size
+    assert (
+        np.abs(np.roll(curves, -6, axis=1) - displaced)[inner].mean() < 1
+    )  # 3 px at twice the size
     assert (strokes > 40).sum() > 1.5 * (displaced > 40).sum()
     if texture is None:
         assert np.abs(strokes - textured).max() == 0
@@ -56,12 +63,12 @@ def test_each_stage_adds_one_thing(texture):
 
 def test_no_strokes_make_four_empty_stages():
     drawn = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), (160, 120), np.zeros((0, 4)))
-    made = stages(view_of(drawn), drawn, background="#ffeedd")
+    made = figure_steps(view_of(drawn), drawn, background="#ffeedd")
     assert all("#ffeedd" in stage.svg for stage in made)
-    assert len(stage_files(made)) == 9
+    assert len(figure_files(made)) == 9
 
 
 def test_a_drawing_of_another_size_is_refused():
     drawn = drawing(2)
     with pytest.raises(ValueError, match="160 x 120 px, its drawing 80 x 60"):
-        stages(view_of(drawn), replace(drawn, size=(80, 60)))
+        figure_steps(view_of(drawn), replace(drawn, size=(80, 60)))

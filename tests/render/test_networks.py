@@ -1,7 +1,14 @@
 import pytest
 import torch
 
-from strokestyle.render.networks import AdditiveNet, PatchDiscriminator, PathNet, SurfaceNet, TextureNet, parameters
+from strokestyle.render.networks import (
+    AdditiveNet,
+    PatchDiscriminator,
+    PathNet,
+    SurfaceNet,
+    TextureNet,
+    parameters,
+)
 
 
 def shapes(network):
@@ -41,7 +48,9 @@ def test_image_networks_keep_the_size(size):
 def test_the_discriminator_sees_70_pixels():
     # without normalisation, which sees the whole image
     network = PatchDiscriminator()
-    body = torch.nn.Sequential(*(m for m in network.body if not isinstance(m, torch.nn.InstanceNorm2d)))
+    body = torch.nn.Sequential(
+        *(m for m in network.body if not isinstance(m, torch.nn.InstanceNorm2d))
+    )
     image = torch.zeros(1, 3, 256, 256, requires_grad=True)
     out = body(image)
     out[0, 0, 15, 15].backward()

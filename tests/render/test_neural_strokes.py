@@ -8,19 +8,29 @@ import torch
 from small_views import SIZE, TINY, a_drawing, a_view
 
 from strokestyle.drawing.strokes import Strokes
-from strokestyle.extract.view import FeatureMaps
+from strokestyle.extract.feature_maps import FeatureMaps
 from strokestyle.fit import neural_strokes as paper_fit
-from strokestyle.fit.train import PRESETS, fit
+from strokestyle.fit.train import PRESETS, fit_style
 from strokestyle.geometry.curves import Curves
 from strokestyle.geometry.parts import Parts
-from strokestyle.render.neural_strokes import PaperStyle, curve_features, look_up, outside_white
-from strokestyle.render.style import load_style, save_style
+from strokestyle.render.neural_strokes import (
+    NeuralStrokesStyle,
+    curve_features,
+    look_up,
+    outside_white,
+)
+from strokestyle.render.style_file import load_style, save_style
 
 
 def test_the_schedule_is_the_papers():
     paper = PRESETS["paper"]
     assert (paper.geometry_steps, paper.texture_steps) == (45_000, 62_500)
-    assert (paper.patches, paper.batch, paper.rate, paper.smoothness) == ((64, 128, 192, 256), 16, 2e-4, 0.02)
+    assert (paper.patches, paper.batch, paper.rate, paper.smoothness) == (
+        (64, 128, 192, 256),
+        16,
+        2e-4,
+        0.02,
+    )
 
 
 def test_the_rate_is_constant_then_falls_to_zero():
@@ -32,7 +42,12 @@ def test_the_rate_is_constant_then_falls_to_zero():
         rates.append(optimiser.param_groups[0]["lr"])
         optimiser.step()
         schedule.step()
-    assert rates[:60] == [1.0] * 60 and rates[61] < 1 and np.isclose(rates[75], 0.5) and 0 < rates[-1] < 0.05
+    assert (
+        rates[:60] == [1.0] * 60
+        and rates[61] < 1
+        and np.isclose(rates[75], 0.5)
+        and 0 < rates[-1] < 0.05
+    )
 
 
 def test_curves_are_cut_at_the_border_of_patches():
@@ -52,7 +67,9 @@ def test_patches_hold_a_stroke_in_their_centre():
     line = view.maps["plain"] > 0.5
     inner = [line[y + 17 : y + 47, x + 17 : x + 47].any() for x, y in corners[::50]]
     assert len(corners) and all(inner)
-    empty = replace(view, maps=FeatureMaps(view.maps.names, np.zeros_like(view.maps.values), view.maps.covered))
+    empty = replace(
+        view, maps=FeatureMaps(view.maps.names, np.zeros_like(view.maps.values), view.maps.covered)
+    )
     with pytest.raises(ValueError, match="nothing to learn from"):
         paper_fit._corners(empty, 64)
 
@@ -60,16 +77,23 @@ def test_patches_hold_a_stroke_in_their_centre():
 def test_turning_by_nothing_is_a_crop_and_beyond_the_canvas_is_background():
     image = torch.rand(1, 3, 40, 50)
     at = np.array([[5, 7], [20, 10]])
-    assert torch.allclose(paper_fit._turned(image, at, 16, np.zeros(2)), paper_fit._crop(image[0], at, 16), atol=1e-5)
+    assert torch.allclose(
+        paper_fit._turned(image, at, 16, np.zeros(2)), paper_fit._crop(image[0], at, 16), atol=1e-5
+    )
     quarter = paper_fit._turned(image, at, 16, np.full(2, np.pi / 2))
     assert torch.allclose(quarter[0], torch.rot90(image[0, :, 7:23, 5:21], 1, (1, 2)), atol=1e-4)
-    assert torch.allclose(paper_fit._turned(image, np.array([[-100, -100]]), 16, np.zeros(1)), torch.ones(1, 3, 16, 16))
+    assert torch.allclose(
+        paper_fit._turned(image, np.array([[-100, -100]]), 16, np.zeros(1)),
+        torch.ones(1, 3, 16, 16),
+    )
 
 
 def test_smoothness_in_closed_form():
     d = torch.tensor([[0.0, 0], [1, 0], [3, 0], [0, 0], [0, 2]])
     # path 1: (1 + 4) / 2; path 2: 4 / 1; the step between the paths does not count
-    assert torch.isclose(paper_fit._smoothness(d, torch.tensor([0, 3, 5])), torch.tensor((2.5 + 4) / 2))
+    assert torch.isclose(
+        paper_fit._smoothness(d, torch.tensor([0, 3, 5])), torch.tensor((2.5 + 4) / 2)
+    )
 
 
 def test_only_patches_with_stroke_in_the_centre_are_judged():
@@ -83,14 +107,19 @@ def test_only_patches_with_stroke_in_the_centre_are_judged():
 
 
 def test_a_blur_keeps_the_mean_of_a_flat_image():
-    assert torch.allclose(paper_fit._blur(torch.full((1, 3, 20, 20), 0.3)), torch.full((1, 3, 20, 20), 0.3))
+    assert torch.allclose(
+        paper_fit._blur(torch.full((1, 3, 20, 20), 0.3)), torch.full((1, 3, 20, 20), 0.3)
+    )
 
 
 def test_a_few_steps_from_drawing_to_file_and_back(tmp_path):
     view = a_view()
     seen = []
-    styles = [fit(view, a_drawing(view), TINY, seed=4, device="cpu", progress=seen.append) for _ in range(2)]
-    assert isinstance(styles[0], PaperStyle)
+    styles = [
+        fit_style(view, a_drawing(view), TINY, seed=4, device="cpu", progress=seen.append)
+        for _ in range(2)
+    ]
+    assert isinstance(styles[0], NeuralStrokesStyle)
     assert {event.stage for event in seen} == {"geometry", "texture"}
     for i, style in enumerate(styles):
         save_style(tmp_path / f"{i}.pt", style)
@@ -99,11 +128,13 @@ def test_a_few_steps_from_drawing_to_file_and_back(tmp_path):
     assert len(drawing.strokes) == 2
     assert np.array_equal(drawing.strokes.xy, again.strokes.xy)
     assert np.array_equal(drawing.texture.rgba, again.texture.rgba)
-    other = fit(view, a_drawing(view), TINY, seed=5, device="cpu").draw(view)
+    other = fit_style(view, a_drawing(view), TINY, seed=5, device="cpu").draw(view)
     assert not np.array_equal(drawing.strokes.xy, other.strokes.xy)
     named = styles[0].draw(replace(view, parts=Parts(("a", "b"), np.repeat([1, 0], 26))))
     assert drawing.parts is None and [named.parts.name(i) for i in (0, 1)] == ["b", "a"]
-    halves = styles[0].draw(replace(view, parts=Parts(("a", "b"), np.repeat([1, 0, 1], [13, 13, 26]))))
+    halves = styles[0].draw(
+        replace(view, parts=Parts(("a", "b"), np.repeat([1, 0, 1], [13, 13, 26])))
+    )
     assert [halves.parts.name(i) for i in range(3)] == ["b", "a", "b"] and len(halves.strokes) == 3
 
 
@@ -111,13 +142,13 @@ def test_geometry_learns_the_thickness():
     """60 short steps on a drawing of 9 px strokes bring the strokes from a hair to most of that."""
     view = a_view()
     config = replace(TINY, geometry_steps=60, geometry_decay=10, texture_steps=1, rate=4e-3)
-    drawing = fit(view, a_drawing(view, 9.0), config, seed=0, device="cpu").draw(view)
+    drawing = fit_style(view, a_drawing(view, 9.0), config, seed=0, device="cpu").draw(view)
     assert 5 < np.median(drawing.strokes.thickness) < 13
 
 
 def test_an_empty_view_is_an_empty_drawing():
     view = a_view()
-    style = fit(view, a_drawing(view), TINY, device="cpu")
+    style = fit_style(view, a_drawing(view), TINY, device="cpu")
     assert len(style.draw(replace(view, curves=Curves.empty())).strokes) == 0
 
 

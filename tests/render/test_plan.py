@@ -22,7 +22,9 @@ def test_two_ends_that_head_the_same_way_become_one_stroke():
 
 
 def test_a_corner_ends_a_stroke_and_a_bend_does_not():
-    corner = Curves.from_list([np.concatenate([line((10, 50), (60, 50)), line((60, 51), (60, 100))])], [0])
+    corner = Curves.from_list(
+        [np.concatenate([line((10, 50), (60, 50)), line((60, 51), (60, 100))])], [0]
+    )
     assert len(plan_strokes(corner)) == 2
     assert len(plan_strokes(corner, corner=180)) == 1
     angle = np.linspace(0, np.pi / 2, 60)

@@ -9,9 +9,11 @@ from scipy import ndimage
 from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.ribbon import ribbon
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture
+from strokestyle.files import read_model, write_model
 from strokestyle.fit.exemplar import Exemplar
-from strokestyle.model_file import read_model, write_model
-from strokestyle.render.texture_bank import TextureBank, learn_texture, synthesise
+from strokestyle.fit.texture import learn_texture
+from strokestyle.render.quilt import synthesise
+from strokestyle.render.texture_bank import TextureBank
 
 SIZE = 320
 
@@ -21,11 +23,15 @@ def lines(count, seed, thickness=9.0, points=60):
     rng = np.random.default_rng(seed)
     t = np.linspace(0, 1, points)
     y = (np.arange(count) + 0.5) * SIZE / count
-    wave = rng.uniform(2, 5, (count, 1)) * np.sin(rng.uniform(4, 8, (count, 1)) * t + rng.uniform(0, 6, (count, 1)))
+    wave = rng.uniform(2, 5, (count, 1)) * np.sin(
+        rng.uniform(4, 8, (count, 1)) * t + rng.uniform(0, 6, (count, 1))
+    )
     xy = np.stack([np.broadcast_to(40 + 240 * t, (count, points)), y[:, None] + wave], axis=-1)
     width = np.full((count, points), thickness)
     offsets = points * np.arange(count + 1)
-    return Strokes(xy.reshape(-1, 2), width.ravel(), offsets, np.zeros(count), np.zeros(count, bool))
+    return Strokes(
+        xy.reshape(-1, 2), width.ravel(), offsets, np.zeros(count), np.zeros(count, bool)
+    )
 
 
 def exemplar(rgba):
@@ -33,7 +39,9 @@ def exemplar(rgba):
     rgba = np.asarray(rgba, np.float32)
     ink = np.where(rgba[..., 3:] > 0, rgba[..., :3], 1.0)
     alpha = rgba[..., 3]
-    return Exemplar(alpha[..., None] * ink + 1 - alpha[..., None], alpha, ink, (alpha > 0.2), np.ones(3))
+    return Exemplar(
+        alpha[..., None] * ink + 1 - alpha[..., None], alpha, ink, (alpha > 0.2), np.ones(3)
+    )
 
 
 def painted(strokes, color, texture=None):
@@ -89,7 +97,9 @@ def test_one_pale_ink_stays_pale():
     train = lines(9, 0)
     bank = learn_texture(train, nothing(train), exemplar(painted(train, [0.8, 0.2, 0.1, 0.6])))
     texture, color = synthesise(bank, lines(3, 1), nothing(lines(3, 1)))
-    assert texture is None and color == pytest.approx(np.tile([0.8, 0.2, 0.1, 0.6], (3, 1)), abs=0.03)
+    assert texture is None and color == pytest.approx(
+        np.tile([0.8, 0.2, 0.1, 0.6], (3, 1)), abs=0.03
+    )
 
 
 def test_grain_is_copied_with_its_contrast_and_size():
@@ -99,8 +109,13 @@ def test_grain_is_copied_with_its_contrast_and_size():
     truth = Texture(bank.rgba, bank.offsets, texture.margin[0])
     got = np.concatenate([core(texture, new, i)[..., 3].ravel() for i in range(5)])
     want = np.concatenate([core(truth, train, i)[..., 3].ravel() for i in range(9)])
-    assert got.mean() == pytest.approx(want.mean(), abs=0.05) and got.std() == pytest.approx(want.std(), rel=0.12)
-    step = [np.abs(np.diff(core(t, s, 0)[..., 3], axis=0)).mean() for t, s in ((texture, new), (truth, train))]
+    assert got.mean() == pytest.approx(want.mean(), abs=0.05) and got.std() == pytest.approx(
+        want.std(), rel=0.12
+    )
+    step = [
+        np.abs(np.diff(core(t, s, 0)[..., 3], axis=0)).mean()
+        for t, s in ((texture, new), (truth, train))
+    ]
     assert step[0] == pytest.approx(step[1], rel=0.2)
 
 
@@ -117,7 +132,9 @@ def test_colour_and_opacity_follow_the_features():
         u = np.linspace(0, 1, 200)[:, None] if i < 4 else np.linspace(1, 0, 200)[:, None]
         column = np.concatenate([1 - u, 0 * u, u, 0.35 + 0.6 * u], axis=1)
         strips.append(np.repeat(column[:, None], 8, axis=1))
-    texture = Texture(np.rint(255 * np.concatenate(strips)).astype(np.uint8), 200 * np.arange(10), 0.5)
+    texture = Texture(
+        np.rint(255 * np.concatenate(strips)).astype(np.uint8), 200 * np.arange(10), 0.5
+    )
     rgba = painted(train, [0, 0, 0, 1], texture)
     rgba[..., 3] *= 0.75 + 0.25 * tooth(0)
     bank = learn_texture(train, feature, exemplar(rgba))
@@ -131,11 +148,17 @@ def test_colour_and_opacity_follow_the_features():
 
 def test_a_stroke_keeps_the_colour_that_chance_gave_it():
     pens = np.array([[0.8, 0.1, 0.1, 1.0], [0.1, 0.2, 0.8, 1.0]])
-    train = replace(lines(8, 0), thickness=np.repeat(np.linspace(5.0, 12.0, 8), 60))  # a stroke for every thickness
-    new = replace(lines(6, 1), thickness=np.tile(np.linspace(5.0, 12.0, 60), 6))  # made of several of them
+    train = replace(
+        lines(8, 0), thickness=np.repeat(np.linspace(5.0, 12.0, 8), 60)
+    )  # a stroke for every thickness
+    new = replace(
+        lines(6, 1), thickness=np.tile(np.linspace(5.0, 12.0, 60), 6)
+    )  # made of several of them
     rgba = rasterise(Drawing(train, (SIZE, SIZE), pens[[0, 1, 1, 0, 1, 0, 0, 1]])) / 255.0
     rgba[..., 3] *= 0.4 + 0.6 * tooth(3)
-    texture, _ = synthesise(learn_texture(train, nothing(train), exemplar(rgba)), new, nothing(new), seed=2)
+    texture, _ = synthesise(
+        learn_texture(train, nothing(train), exemplar(rgba)), new, nothing(new), seed=2
+    )
     for i in range(len(new)):
         part = core(texture, new, i)
         away = np.abs(part[..., :3][part[..., 3] > 0.2][:, None] - pens[None, :, :3]).max(axis=2)
@@ -156,7 +179,9 @@ def test_tones_between_those_of_the_drawing_are_mixed():
     for asked in (0.0, 0.5, 1.0):
         made, _ = synthesise(bank, new, np.full((180, 1), asked))
         opacity.append(np.mean([core(made, new, i)[..., 3].mean() for i in range(3)]))
-    assert opacity[0] == pytest.approx(0.36, abs=0.04) and opacity[2] == pytest.approx(0.81, abs=0.05)
+    assert opacity[0] == pytest.approx(0.36, abs=0.04) and opacity[2] == pytest.approx(
+        0.81, abs=0.05
+    )
     assert opacity[1] == pytest.approx(0.5 * (opacity[0] + opacity[2]), abs=0.1)
 
 
@@ -169,7 +194,12 @@ def test_a_stroke_that_fades_in_does_so_at_its_beginning_whichever_way_its_point
     rgba = painted(train, [0, 0, 0, 1], texture)
     rgba[..., 3] *= 0.7 + 0.3 * tooth(0)
     bank = learn_texture(train, nothing(train), exemplar(rgba))
-    backwards = Strokes(new.xy.reshape(4, -1, 2)[:, ::-1].reshape(-1, 2), new.thickness, new.offsets, *[new.kind] * 2)
+    backwards = Strokes(
+        new.xy.reshape(4, -1, 2)[:, ::-1].reshape(-1, 2),
+        new.thickness,
+        new.offsets,
+        *[new.kind] * 2,
+    )
     for strokes, sign in ((new, 1), (backwards, -1)):
         made, _ = synthesise(bank, strokes, nothing(strokes))
         for i in range(4):
@@ -199,7 +229,9 @@ def test_tone_is_continuous_where_runs_meet():
     train, new = lines(9, 0), lines(4, 1)
     soft = ndimage.gaussian_filter(np.random.default_rng(5).random((SIZE, SIZE)), 12)
     rgba = painted(train, [0.2, 0.3, 0.8, 1.0])
-    rgba[..., 3] *= np.clip(0.6 + 8 * (soft - 0.5), 0.25, 1)  # a wash: slow, random changes of opacity
+    rgba[..., 3] *= np.clip(
+        0.6 + 8 * (soft - 0.5), 0.25, 1
+    )  # a wash: slow, random changes of opacity
     bank = learn_texture(train, nothing(train), exemplar(rgba))
     bank = replace(bank, flat=np.zeros(1))
     made, _ = synthesise(bank, new, nothing(new))
@@ -232,8 +264,14 @@ def test_a_closed_stroke_joins_up():
 def test_the_same_seed_gives_the_same_texture_and_another_seed_another():
     train, new = lines(6, 0), lines(3, 1)
     drawing = grainy(train)
-    bank, again = learn_texture(train, nothing(train), drawing, 3), learn_texture(train, nothing(train), drawing, 3)
-    assert all(np.array_equal(a, b) for a, b in zip(asdict(bank).values(), asdict(again).values(), strict=True))
+    bank, again = (
+        learn_texture(train, nothing(train), drawing, 3),
+        learn_texture(train, nothing(train), drawing, 3),
+    )
+    assert all(
+        np.array_equal(a, b)
+        for a, b in zip(asdict(bank).values(), asdict(again).values(), strict=True)
+    )
     one, two, other = (synthesise(bank, new, nothing(new), seed)[0].rgba for seed in (1, 1, 2))
     assert np.array_equal(one, two) and not np.array_equal(one, other)
 
@@ -259,7 +297,13 @@ def test_strokes_of_every_size_get_a_finite_texture():
         ([[-90, 200], [400, 210]], [5, 5]),
     ]
     xy = np.concatenate([np.array(line, float) for line, _ in odd])
-    new = Strokes(xy, np.concatenate([w for _, w in odd]), np.cumsum([0, 2, 2, 2, 3, 2]), np.zeros(5), np.zeros(5))
+    new = Strokes(
+        xy,
+        np.concatenate([w for _, w in odd]),
+        np.cumsum([0, 2, 2, 2, 3, 2]),
+        np.zeros(5),
+        np.zeros(5),
+    )
     made, color = synthesise(bank, new, nothing(new))
     assert len(made.offsets) == 6 and np.isfinite(color).all()
     image = rasterise(Drawing(new, (SIZE, SIZE), color, made))

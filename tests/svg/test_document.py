@@ -17,10 +17,10 @@ from svg_programs import small
 from strokestyle.drawing.strokes import Drawing, Strokes
 from strokestyle.geometry.bezier import fit_lines
 from strokestyle.geometry.curves import Curves
-from strokestyle.svg.document import SvgOptions, paper
-from strokestyle.svg.read import read_file
-from strokestyle.svg.read_curves import load_curves
-from strokestyle.svg.write import png_from_svg, read, write_svg
+from strokestyle.render.curve_file import load_curves
+from strokestyle.svg.format import SvgOptions, page_size_mm
+from strokestyle.svg.read import read_svg, read_svg_file
+from strokestyle.svg.write import png_from_svg, write_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
@@ -44,7 +44,7 @@ def rendered(text, scale=1.0):
     ],
 )
 def test_paper_sizes(name, size, page):
-    assert paper(name, size) == (page if page is None else pytest.approx(page))
+    assert page_size_mm(name, size) == (page if page is None else pytest.approx(page))
 
 
 def test_the_canvas_is_fitted_into_the_page_and_read_back_from_it():
@@ -57,10 +57,17 @@ def test_the_canvas_is_fitted_into_the_page_and_read_back_from_it():
         and w == pytest.approx(100 * 297 / 210, abs=1e-3)
         and x == pytest.approx(60 - w / 2, abs=1e-3)
     )
-    plain = read(write_svg(small(None)))
-    assert np.array_equal(read(text).strokes.xy, plain.strokes.xy) and read(text).size == (120, 100)
-    paper = ET.fromstring(write_svg(small(None), page_size="A4", background="#eee")).find(f"{SVG}rect")
-    assert [float(paper.get(n)) for n in ("x", "y", "width", "height")] == pytest.approx([x, y, w, h])
+    plain = read_svg(write_svg(small(None)))
+    assert np.array_equal(read_svg(text).strokes.xy, plain.strokes.xy) and read_svg(text).size == (
+        120,
+        100,
+    )
+    paper = ET.fromstring(write_svg(small(None), page_size="A4", background="#eee")).find(
+        f"{SVG}rect"
+    )
+    assert [float(paper.get(n)) for n in ("x", "y", "width", "height")] == pytest.approx(
+        [x, y, w, h]
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,33 +88,46 @@ def test_bad_options_are_named(options, found):
 
 
 @pytest.mark.parametrize(
-    "license", ["CC-BY-NC-4.0", "CC0-1.0", "https://example.org/terms?a=1&b=2", "All rights <reserved>"]
+    "license",
+    ["CC-BY-NC-4.0", "CC0-1.0", "https://example.org/terms?a=1&b=2", "All rights <reserved>"],
 )
 def test_licence_author_title_and_description_come_back(license):
-    options = SvgOptions(texture="none", title="A <b>", description="c & d", author='E "F"', license=license)
+    options = SvgOptions(
+        texture="none", title="A <b>", description="c & d", author='E "F"', license=license
+    )
     text = write_svg(small(None), options)
-    assert read_file(text).options == options
+    assert read_svg_file(text).options == options
     assert ("creativecommons.org/licenses/by-nc/4.0/" in text) == license.startswith("CC-BY")
 
 
 def test_no_name_gets_out_of_its_place():
     text = write_svg(
-        small(None), title=HOSTILE, description=HOSTILE, author=HOSTILE, license=HOSTILE, ids=[HOSTILE] * 5
+        small(None),
+        title=HOSTILE,
+        description=HOSTILE,
+        author=HOSTILE,
+        license=HOSTILE,
+        ids=[HOSTILE] * 5,
     )
     root = ET.fromstring(text)
     assert root.find(f"{SVG}title").text == HOSTILE.replace("\x00", "")
     assert not [e for e in root.iter() if e.tag.endswith("script")]
-    assert read_file(text).options.author == HOSTILE.replace("\x00", "")
+    assert read_svg_file(text).options.author == HOSTILE.replace("\x00", "")
 
 
 def test_options_that_a_file_keeps_are_those_it_was_written_with_and_no_others():
     options = SvgOptions(
-        texture="none", decimals=4, tolerance=0.25, layers="none", page_size="100x80mm", background="ivory"
+        texture="none",
+        decimals=4,
+        tolerance=0.25,
+        layers="none",
+        page_size="100x80mm",
+        background="ivory",
     )
     assert SvgOptions.from_text(options.to_text()) == options
-    assert SvgOptions.from_text("decimals=99 title=x colour=1 texture=none tolerance=nan =") == SvgOptions(
-        texture="none"
-    )
+    assert SvgOptions.from_text(
+        "decimals=99 title=x colour=1 texture=none tolerance=nan ="
+    ) == SvgOptions(texture="none")
 
 
 # ------------------------------------------------------------------------------------------------------- lines only
@@ -128,8 +148,14 @@ def test_lines_are_fitted_within_the_tolerance_and_keep_ends_and_corners():
         curve = curve + 3 * s**2 * (1 - s) * cubics[:, 2] + s**3 * cubics[:, 3]
         away = np.linalg.norm(line[:, None] - curve.reshape(-1, 2)[None], axis=2).min(axis=1)
         assert away.max() < 0.2
-        assert np.array_equal(cubics[[0, -1], [0, 3]], line[[0, -1]]) and np.array_equal(cubics[1:, 0], cubics[:-1, 3])
-        assert rows[0] == 0 and rows[-1] == len(line) - 1 and np.array_equal(line[rows[:-1]], cubics[:, 0])
+        assert np.array_equal(cubics[[0, -1], [0, 3]], line[[0, -1]]) and np.array_equal(
+            cubics[1:, 0], cubics[:-1, 3]
+        )
+        assert (
+            rows[0] == 0
+            and rows[-1] == len(line) - 1
+            and np.array_equal(line[rows[:-1]], cubics[:, 0])
+        )
 
 
 def test_a_plotter_gets_lines_in_mm(tmp_path):
@@ -149,13 +175,13 @@ def test_a_plotter_gets_lines_in_mm(tmp_path):
     length = Curves(want.xy, want.offsets, want.kind, want.closed).lengths() * 148 / 100
     assert sorted(lines.lengths() / scale) == pytest.approx(sorted(length), rel=0.01)
     with pytest.raises(ValueError, match="no strokes in it"):
-        read(text)
+        read_svg(text)
 
 
 def test_power_strokes_have_skeleton_and_widths():
     drawing = small(None)
     text = write_svg(drawing, inkscape_lpe=True)
-    file = read_file(text)
+    file = read_svg_file(text)
     assert file.options.inkscape_lpe and write_svg(file.drawing, file.options) == text
     assert np.abs(rendered(text) - rendered(write_svg(drawing))).max() == 0
     root = ET.fromstring(text)
@@ -181,9 +207,14 @@ def test_inkscape_makes_the_same_of_a_power_stroke(tmp_path):
     blank = re.sub(r' d="[^"]*"', ' d="M0 0h1"', text)  # so that what is seen is Inkscape's own
     (tmp_path / "a.svg").write_text(blank)
     nudge = "select-all:all;transform-translate:1,0;transform-translate:-1,0;"
-    actions = nudge + f"export-type:png;export-background:white;export-filename:{tmp_path / 'a.png'};export-do"
+    actions = (
+        nudge
+        + f"export-type:png;export-background:white;export-filename:{tmp_path / 'a.png'};export-do"
+    )
     done = subprocess.run(
-        ["inkscape", str(tmp_path / "a.svg"), f"--actions={actions}"], capture_output=True, timeout=120
+        ["inkscape", str(tmp_path / "a.svg"), f"--actions={actions}"],
+        capture_output=True,
+        timeout=120,
     )
     if done.returncode or not (tmp_path / "a.png").exists():
         pytest.skip("inkscape does not run")
@@ -200,17 +231,21 @@ def test_a_power_stroke_that_inkscape_moved_is_read_where_it_went():
         x, y = map(float, re.findall("-?[0-9.]+", match[2]))
         return f'd="M1 2l9 9z" inkscape:path-effect="{match[1]}" inkscape:original-d="M{x + 30:.9g} {y - 20:.9g}'
 
-    new = re.sub(r'd="M[^"]*" inkscape:path-effect="([^"]*)" inkscape:original-d="M([-0-9. ]+)', moved, text)
-    got = read(new).strokes
-    assert np.abs(got.xy - read(text).strokes.xy - [30, -20]).max() < 0.01
-    assert np.array_equal(got.thickness, read(text).strokes.thickness)
+    new = re.sub(
+        r'd="M[^"]*" inkscape:path-effect="([^"]*)" inkscape:original-d="M([-0-9. ]+)', moved, text
+    )
+    got = read_svg(new).strokes
+    assert np.abs(got.xy - read_svg(text).strokes.xy - [30, -20]).max() < 0.01
+    assert np.array_equal(got.thickness, read_svg(text).strokes.thickness)
 
 
 def test_lines_of_nothing():
     nothing = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), (40, 30), np.zeros((0, 4)))
     for options in ({"plotter": True}, {"inkscape_lpe": True}):
         ET.fromstring(write_svg(nothing, **options))
-    dots = Strokes([[5, 5], [5, 5], [9, 9], [9, 9], [9, 9.0]], np.ones(5), [0, 2, 5], [0, 1], [False, True])
+    dots = Strokes(
+        [[5, 5], [5, 5], [9, 9], [9, 9], [9, 9.0]], np.ones(5), [0, 2, 5], [0, 1], [False, True]
+    )
     for options in ({"plotter": True}, {"inkscape_lpe": True}):
         assert "nan" not in write_svg(Drawing(dots, (20, 20), np.ones((2, 4))), **options)
 
@@ -219,7 +254,9 @@ def test_the_nu_checker_finds_no_error(tmp_path):
     jar = os.environ.get("VNU_JAR", "")
     if not (Path(jar).is_file() and shutil.which("java")):
         pytest.skip("no java, or VNU_JAR does not name vnu.jar")
-    options = SvgOptions(title="a < b", author="c", license="CC-BY-4.0", background="#fff", page_size="A4")
+    options = SvgOptions(
+        title="a < b", author="c", license="CC-BY-4.0", background="#fff", page_size="A4"
+    )
     files = []
     for texture in (None, "grain", "colours"):
         for name, change in {
@@ -230,5 +267,7 @@ def test_the_nu_checker_finds_no_error(tmp_path):
         }.items():
             files.append(tmp_path / f"{texture}-{name}.svg")
             files[-1].write_text(write_svg(small(texture), replace(options, **change)))
-    done = subprocess.run(["java", "-jar", jar, "--svg", "--errors-only", *files], capture_output=True, text=True)
+    done = subprocess.run(
+        ["java", "-jar", jar, "--svg", "--errors-only", *files], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr

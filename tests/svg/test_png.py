@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from strokestyle.svg.png import Quantiser, encode_png, ink_palette, used
+from strokestyle.svg.palette import Quantiser, ink_palette, used
+from strokestyle.svg.png import encode_png
 
 
 def decoded(png):
@@ -19,13 +20,17 @@ def test_one_ink_keeps_its_colour_and_its_opacities(levels):
     palette = np.rint(255 * ink_palette(np.array([0.8, 0.4, 0.2]), levels)).astype(np.uint8)
     got = decoded(encode_png(np.rint(alpha * (levels - 1)).astype(np.uint8), palette))
     assert len(np.unique(got[..., 3])) == levels
-    assert got[..., :3][alpha > 0.1] == pytest.approx(np.tile([0.8, 0.4, 0.2], ((alpha > 0.1).sum(), 1)), abs=0.01)
+    assert got[..., :3][alpha > 0.1] == pytest.approx(
+        np.tile([0.8, 0.4, 0.2], ((alpha > 0.1).sum(), 1)), abs=0.01
+    )
     assert np.abs(got[..., 3] - alpha).max() <= 0.5 / (levels - 1) + 0.5 / 255
 
 
 def test_many_colours_are_shown_closely():
     y, x = np.mgrid[0:40, 0:60] / 60
-    layer = np.stack([x * 0.9, 0.5 * y, 0.3 + 0 * x, np.ones_like(x)], axis=-1) * (0.3 + 0.7 * x[..., None])
+    layer = np.stack([x * 0.9, 0.5 * y, 0.3 + 0 * x, np.ones_like(x)], axis=-1) * (
+        0.3 + 0.7 * x[..., None]
+    )
     colors = Quantiser(layer.reshape(-1, 4))
     index, palette = used(colors.index(layer.reshape(-1, 4)).reshape(40, 60), colors.palette)
     assert len(palette) <= 128 and index.max() < len(palette)
@@ -36,4 +41,7 @@ def test_many_colours_are_shown_closely():
 
 def test_colours_that_are_not_used_are_not_written():
     index, palette = used(np.array([[3, 1], [1, 3]]), np.arange(20).reshape(5, 4))
-    assert index.tolist() == [[1, 0], [0, 1]] and palette.tolist() == [[4, 5, 6, 7], [12, 13, 14, 15]]
+    assert index.tolist() == [[1, 0], [0, 1]] and palette.tolist() == [
+        [4, 5, 6, 7],
+        [12, 13, 14, 15],
+    ]

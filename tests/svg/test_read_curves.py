@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from strokestyle.geometry.curves import KINDS, Curves
-from strokestyle.svg import path_data as svg_syntax
-from strokestyle.svg import read_curves as curve_files
-from strokestyle.svg.path_data import flatten, parse_path, parse_transform
-from strokestyle.svg.read_curves import kind_named, load_curves
+from strokestyle import files
+from strokestyle.geometry.bezier import flatten
+from strokestyle.geometry.curves import KINDS, Curves, kind_named
+from strokestyle.render.curve_file import load_curves
+from strokestyle.svg import xml
+from strokestyle.svg.path_data import parse_path, parse_transform
 from strokestyle.svg.write import plain_svg, png_from_svg
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" {}>{}</svg>'
@@ -94,7 +95,8 @@ def test_arcs_take_the_side_that_their_flags_say(tmp_path):
 
 def test_a_rounded_rect_has_its_perimeter(tmp_path):
     curves = load(
-        tmp_path, '<rect x="5" y="10" width="60" height="40" ry="8"/><rect x="2" y="2" width="9" height="5"/>'
+        tmp_path,
+        '<rect x="5" y="10" width="60" height="40" ry="8"/><rect x="2" y="2" width="9" height="5"/>',
     )
     assert np.isclose(curves.lengths()[0], 200 - 8 * 8 + 2 * np.pi * 8, rtol=2e-3)
     assert np.allclose([curves[0].min(axis=0), curves[0].max(axis=0)], [[5, 10], [65, 50]])
@@ -173,7 +175,10 @@ def test_transforms_are_composed_from_the_outside_in(tmp_path):
       <polyline transform="matrix(1 2 3 4 5 6)" points="1 2 3 5 4-2"/></g></a></g>"""
     got = load(tmp_path, body)[0]
     assert np.allclose(got, (np.array([[1, 2, 1], [3, 5, 1], [4, -2, 1]]) @ by_hand.T)[:, :2])
-    assert np.allclose(parse_transform("rotate(40 3 4)"), parse_transform("translate(3 4) rotate(40),translate(-3-4)"))
+    assert np.allclose(
+        parse_transform("rotate(40 3 4)"),
+        parse_transform("translate(3 4) rotate(40),translate(-3-4)"),
+    )
     assert parse_transform("scale(2)translate(3)") == (2, 0, 0, 2, 6, 0)
 
 
@@ -192,7 +197,9 @@ def test_pictures_agree_with_another_renderer(tmp_path):
     theirs = np.asarray(Image.open(io.BytesIO(png_from_svg(svg))).convert("L"), float)
     curves = load(tmp_path, body, attributes, (400, 300))
     assert len(curves) == 7
-    ours = np.asarray(Image.open(io.BytesIO(png_from_svg(plain_svg(curves, (400, 300)))))).astype(float)[..., 0]
+    ours = np.asarray(Image.open(io.BytesIO(png_from_svg(plain_svg(curves, (400, 300)))))).astype(
+        float
+    )[..., 0]
     assert theirs.shape == ours.shape == (300, 400)
     # their strokes are a few pixels wide, ours one: ours must lie within theirs, and reach everywhere along them
     assert (theirs[ours < 100] < 200).all()
@@ -274,14 +281,19 @@ def test_names_of_kinds(name, kind):
 
 
 def test_closed_and_repeated_subpaths(tmp_path):
-    curves = load(tmp_path, '<path d="M0 0H9V9z m20 20h9v9h-9zM50 50L60 60"/><polygon points="0 0 9 0 9 9"/>')
+    curves = load(
+        tmp_path, '<path d="M0 0H9V9z m20 20h9v9h-9zM50 50L60 60"/><polygon points="0 0 9 0 9 9"/>'
+    )
     assert curves.closed.tolist() == [True, True, False, True]
     assert np.allclose(curves[1][0], [20, 20])
     assert all(np.array_equal(curves[i][0], curves[i][-1]) for i in (0, 1, 3))
 
 
 def test_rounding_does_not_open_a_curve(tmp_path):
-    curves = load(tmp_path, '<path d="m5.3 5.1l.1.2.2.1.1-.2-.4-.1"/><path d="m5.3 5.1l.1.2.2.1.1-.2-.4-.09"/>')
+    curves = load(
+        tmp_path,
+        '<path d="m5.3 5.1l.1.2.2.1.1-.2-.4-.1"/><path d="m5.3 5.1l.1.2.2.1.1-.2-.4-.09"/>',
+    )
     assert curves.closed.tolist() == [True, False] and np.array_equal(curves[0][0], curves[0][-1])
 
 
@@ -294,7 +306,9 @@ def test_what_is_hidden_is_no_line(tmp_path):
     <line/><rect width="5"/><circle cx="4"/><ellipse rx="0" ry="4"/><path d="M4 4L4 4z"/><polygon points=" "/>
     <path d="M3 3"/><polyline/>{line}"""
     assert len(load(tmp_path, hidden)) == 1
-    assert len(load(tmp_path, f'<g visibility="hidden"><g visibility="visible">{line}</g></g>')) == 1
+    assert (
+        len(load(tmp_path, f'<g visibility="hidden"><g visibility="visible">{line}</g></g>')) == 1
+    )
 
 
 def test_plain_drawings_come_back(tmp_path):
@@ -333,11 +347,23 @@ def test_a_json_comes_back_as_it_was(tmp_path):
     rng = np.random.default_rng(3)
     lines = [np.round(rng.uniform(0, 768, (n, 2)), 2) for n in (2, 30, 7)]
     lines[1][-1] = lines[1][0]
-    data = {"format": "strokestyle-curves-1", "size": [768, 512], "curves": [line.tolist() for line in lines]}
+    data = {
+        "format": "strokestyle-curves-1",
+        "size": [768, 512],
+        "curves": [line.tolist() for line in lines],
+    }
     path = tmp_path / "c.json"
-    path.write_text(json.dumps({**data, "kinds": ["contour", "apparent", "valley"], "closed": [False, True, False]}))
+    path.write_text(
+        json.dumps(
+            {**data, "kinds": ["contour", "apparent", "valley"], "closed": [False, True, False]}
+        )
+    )
     curves = load_curves(path, (768, 512))
-    assert np.array_equal(curves.xy, np.concatenate(lines)) and curves.closed.tolist() == [False, True, False]
+    assert np.array_equal(curves.xy, np.concatenate(lines)) and curves.closed.tolist() == [
+        False,
+        True,
+        False,
+    ]
     assert names(curves) == ["contour", "apparent", "valley"]
     for encoding in ("utf-8-sig", "utf-16"):
         path.write_text(json.dumps(data), encoding=encoding)
@@ -440,7 +466,10 @@ def test_bad_files_are_refused_in_one_line(tmp_path, name):
 @pytest.mark.parametrize(
     "body, place",
     [
-        ('<g>\n<path id="p1" d="M0 0 L9 banana"/></g>', 'line 2, <path id="p1">: bad d at character 9, "banana"'),
+        (
+            '<g>\n<path id="p1" d="M0 0 L9 banana"/></g>',
+            'line 2, <path id="p1">: bad d at character 9, "banana"',
+        ),
         ('<path id="a\nb" d="9 9"/>', 'bad d at character 1, "9 9": expected M or m first'),
         ('<polygon points="1 2 3 4 5"/>', "bad points at character 10"),
         ('<path d="M0 0A5 5 0 2 0 9 9"/>', "expected a flag of A, 0 or 1"),
@@ -459,20 +488,27 @@ def test_a_bad_drawing_is_refused_with_its_place(tmp_path, body, place):
 def test_declarations_are_refused_in_every_encoding(tmp_path, encoding):
     for declared in (BOMB, OUTSIDE, SUBSET + "<svg/>"):
         (tmp_path / "c.svg").write_text(declared, encoding=encoding)
-        with pytest.raises(ValueError, match="DOCTYPE" if "ENTITY" in declared else "DOCTYPE|not an SVG file"):
+        with pytest.raises(
+            ValueError, match="DOCTYPE" if "ENTITY" in declared else "DOCTYPE|not an SVG file"
+        ):
             load_curves(tmp_path / "c.svg", (9, 9))
 
 
 def test_the_parser_itself_refuses_declarations():
     for declared in (BOMB, SUBSET + "<svg/>"):
         with pytest.raises(ValueError, match="DOCTYPE"):
-            svg_syntax.Walker(print, print).parser.Parse(declared, True)
+            xml.SaxReader(print, print).parser.Parse(declared, True)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
 def test_a_document_type_that_only_names_svg_is_let_through_and_not_fetched(tmp_path, encoding):
-    declared = DOCTYPE + "\n<!-- Created with an old program -->\n<svg><path d='M0 0L9 9'/><text>&unknown;</text></svg>"
-    (tmp_path / "c.svg").write_text(f'<?xml version="1.0" standalone="no"?>{declared}', encoding=encoding)
+    declared = (
+        DOCTYPE
+        + "\n<!-- Created with an old program -->\n<svg><path d='M0 0L9 9'/><text>&unknown;</text></svg>"
+    )
+    (tmp_path / "c.svg").write_text(
+        f'<?xml version="1.0" standalone="no"?>{declared}', encoding=encoding
+    )
     assert len(load_curves(tmp_path / "c.svg", (9, 9))) == 1
 
 
@@ -498,7 +534,7 @@ def test_references_are_not_followed(tmp_path):
     ],
 )
 def test_large_files_are_refused(tmp_path, monkeypatch, limit, value, found):
-    monkeypatch.setattr(curve_files if limit == "MAX_CURVES" else svg_syntax, limit, value)
+    monkeypatch.setattr(files, limit, value)
     body = '<path d="M1 1h1h1h1h1h1"/><path d="M2 2h1"/><path d="M2 2h1"/>'
     with pytest.raises(ValueError, match=found):
         load(tmp_path, body)
@@ -512,10 +548,10 @@ def test_large_files_are_refused(tmp_path, monkeypatch, limit, value, found):
 
 
 def test_crowds_are_refused_before_they_are_parsed(tmp_path, monkeypatch):
-    monkeypatch.setattr(svg_syntax, "MAX_ELEMENTS", 3)
+    monkeypatch.setattr(files, "MAX_ELEMENTS", 3)
     with pytest.raises(ValueError, match="15 attributes"):
         load(tmp_path, "<g " + " ".join(f'a{i}="1"' for i in range(20)) + "/>")
-    monkeypatch.setattr(svg_syntax, "MAX_POINTS", 3)
+    monkeypatch.setattr(files, "MAX_POINTS", 3)
     (tmp_path / "c.json").write_text('{"curves": [' + "[]," * 30 + "[]]}")
     with pytest.raises(ValueError, match="24 lists"):
         load_curves(tmp_path / "c.json", (9, 9))
@@ -529,7 +565,7 @@ def test_depth_is_limited(tmp_path):
 
 
 def test_an_svgz_is_limited_by_what_it_unpacks_to(tmp_path, monkeypatch):
-    monkeypatch.setattr(svg_syntax, "MAX_BYTES", 10_000)
+    monkeypatch.setattr(files, "MAX_BYTES", 10_000)
     path = tmp_path / "c.svgz"
     path.write_bytes(gzip.compress(b"<svg>" + b" " * 10**6 + b"<path d='M0 0L9 9'/></svg>"))
     assert path.stat().st_size < 5_000
@@ -554,7 +590,9 @@ def test_damaged_gzip_missing_files_and_folders(tmp_path):
 
 def test_random_damage_never_surprises(tmp_path):
     rng = np.random.default_rng(0)
-    body = '<g transform="rotate(9)"><path d="M1 1c1 2 3 4 5 6a3 2 0 1 0 2 2z"/><circle r="5%"/></g>'
+    body = (
+        '<g transform="rotate(9)"><path d="M1 1c1 2 3 4 5 6a3 2 0 1 0 2 2z"/><circle r="5%"/></g>'
+    )
     whole = SVG.format('viewBox="0 0 9 9"', body).encode()
     path = tmp_path / "c.svg"
     for _ in range(300):

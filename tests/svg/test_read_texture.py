@@ -11,10 +11,11 @@ from svg_programs import small
 
 from strokestyle.drawing.ribbon import overlaps, ribbon, strip_points
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture
-from strokestyle.svg.path_data import IDENTITY
+from strokestyle.geometry.affine import IDENTITY
 from strokestyle.svg.png import png
+from strokestyle.svg.read import read_svg
 from strokestyle.svg.read_texture import MAX_PIXELS, Budget, Shape, covered, drawn_strip
-from strokestyle.svg.write import png_from_svg, read, write_svg
+from strokestyle.svg.write import png_from_svg, write_svg
 
 SQUARE = "M2 2L6 2 6 6 2 6Z"
 HOLED = "M0 0H9V9H0ZM3 3V6H6V3Z"
@@ -67,9 +68,8 @@ def test_both_readers_of_tones_see_what_resvg_draws():
         assert re.fullmatch("[-Mmqtz0-9 ]*", d)
         ours, general = covered(d, at, Budget()), covered(d.replace("M", "M0 0M", 1), at, Budget())
         assert (ours != general).mean() < 1.5e-3  # at their edges
-        page = (
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 120 100" width="120" height="100">{{}}{d}"/></svg>'
-        )
+        head = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 120 100" width="120" height="100">'
+        page = f'{head}{{}}{d}"/></svg>'
         drawn = png_from_svg(page.format('<path transform="scale(.15)" d="'), 4.0)
         dark = np.asarray(Image.open(io.BytesIO(drawn)).convert("L")).reshape(-1) < 128
         assert (ours != dark).mean() < 2e-3 and 0.001 < ours.mean() < 0.5
@@ -79,7 +79,10 @@ def test_tones_are_laid_over_one_another():
     # the ribbon of a line from (2, 4) to (8, 4), width 4: from 0 to 10 and from 2 to 6
     band = ribbon(line([2, 4], [8, 4]), 0, 0.0)
     strip = drawn_strip(
-        [shape("M0 0H10V8H0Z", "#ff0000", 0.5), shape("M5 0H10V8H5Z", "#0000ff", 0.5)], band, IDENTITY, Budget()
+        [shape("M0 0H10V8H0Z", "#ff0000", 0.5), shape("M5 0H10V8H5Z", "#0000ff", 0.5)],
+        band,
+        IDENTITY,
+        Budget(),
     )
     assert strip.shape == (15, 6, 4)
     assert (strip[:7] == [255, 0, 0, 128]).all() and (strip[8:] == [85, 0, 170, 191]).all()
@@ -90,7 +93,9 @@ def test_tones_are_laid_over_one_another():
 def test_a_shape_is_followed_through_its_transforms_and_the_strokes():
     band = ribbon(line([2, 4], [8, 4]), 0, 0.0)
     half = drawn_strip([shape("M0 0H5.1V8H0Z")], band, IDENTITY, Budget())
-    scaled = drawn_strip([shape("M0 0H51V80H0Z", matrix=(0.1, 0, 0, 0.1, 0, 0))], band, IDENTITY, Budget())
+    scaled = drawn_strip(
+        [shape("M0 0H51V80H0Z", matrix=(0.1, 0, 0, 0.1, 0, 0))], band, IDENTITY, Budget()
+    )
     moved = drawn_strip([shape("M100 0H105.1V8H100Z")], band, (1, 0, 0, 1, 100, 0), Budget())
     assert half[:8, :, 3].all() and not half[8:, :, 3].any()
     assert np.array_equal(half, scaled) and np.array_equal(half, moved)
@@ -128,16 +133,21 @@ def test_a_strip_has_the_resolution_of_its_image():
 
 def test_images_elsewhere_are_not_looked_at():
     band = ribbon(line([2, 2], [8, 2]), 0, 0.0)
-    for href in ("http://example.org/a.png", "file:///etc/passwd", "data:image/svg+xml;base64,AAAA", ""):
+    for href in (
+        "http://example.org/a.png",
+        "file:///etc/passwd",
+        "data:image/svg+xml;base64,AAAA",
+        "",
+    ):
         one = Shape("image", {"href": href}, IDENTITY, "#000", 1.0)
         assert not drawn_strip([one], band, IDENTITY, Budget()).any()
 
 
 def test_a_stroke_whose_image_became_another_sort_is_flat_ink():
     text = write_svg(small("grain"), texture="image")
-    got = read(text.replace("data:image/png", "data:image/jpeg"))
+    got = read_svg(text.replace("data:image/png", "data:image/jpeg"))
     assert got.texture is None and len(got.strokes) == 5
-    mixed = read(text.replace("data:image/png", "data:image/jpeg", 1))
+    mixed = read_svg(text.replace("data:image/png", "data:image/jpeg", 1))
     assert mixed.texture is not None and (np.diff(mixed.texture.offsets) > 1).all()
     strip = mixed.texture.rgba[: mixed.texture.offsets[1], :, 3]
     assert strip.max() == pytest.approx(0.8 * 255, abs=1)
@@ -147,8 +157,13 @@ def test_faint_strokes_have_as_many_levels():
     drawn = small("grain")
     rgba = drawn.texture.rgba.copy()
     rgba[..., 3] //= 8
-    faint = Drawing(drawn.strokes, drawn.size, drawn.color, Texture(rgba, drawn.texture.offsets, 1.5))
-    alphas = [len(np.unique(read(write_svg(d, texture="image")).texture.rgba[..., 3])) for d in (drawn, faint)]
+    faint = Drawing(
+        drawn.strokes, drawn.size, drawn.color, Texture(rgba, drawn.texture.offsets, 1.5)
+    )
+    alphas = [
+        len(np.unique(read_svg(write_svg(d, texture="image")).texture.rgba[..., 3]))
+        for d in (drawn, faint)
+    ]
     assert alphas[1] > 20 and alphas[0] > 20
 
 
@@ -157,7 +172,11 @@ def test_damaged_images_are_named():
     huge = png(np.zeros((2, 2), np.uint8), None, 8, {0: 0})
     huge = huge[:16] + (9000).to_bytes(4, "big") * 2 + huge[24:]
     assert 9000 * 9000 > MAX_PIXELS
-    for data, found in (("?", "base64"), ("AAAA", "no PNG"), (base64.b64encode(huge).decode(), "9000 x 9000")):
+    for data, found in (
+        ("?", "base64"),
+        ("AAAA", "no PNG"),
+        (base64.b64encode(huge).decode(), "9000 x 9000"),
+    ):
         with pytest.raises(ValueError, match=found):
             drawn_strip([picture(data)], band, IDENTITY, Budget())
     good = text_of(np.zeros((4, 4, 4), np.uint8))
@@ -191,30 +210,38 @@ def test_which_strokes_lie_on_themselves(strokes, over):
 def textured(strokes, rng=4):
     n = 200
     rgba = np.zeros((n, 8, 4), np.uint8)
-    rgba[..., 3] = np.random.default_rng(rng).integers(0, 256, (n // 4, 2)).repeat(4, axis=0).repeat(4, axis=1)
+    rgba[..., 3] = (
+        np.random.default_rng(rng).integers(0, 256, (n // 4, 2)).repeat(4, axis=0).repeat(4, axis=1)
+    )
     return Drawing(strokes, (100, 100), [[0, 0, 0, 1]], Texture(rgba, [0, n], 1.0))
 
 
 @pytest.mark.parametrize("encoding", ["vector", "image"])
 def test_only_strokes_that_hide_texture_keep_it_as_an_attribute(encoding):
     beside = write_svg(textured(line([10, 10], [50, 10], [90, 15])), texture=encoding)
-    crossing = write_svg(textured(line([10, 50], [70, 50], [70, 90], [40, 90], [40, 10])), texture=encoding)
+    crossing = write_svg(
+        textured(line([10, 50], [70, 50], [70, 90], [40, 90], [40, 10])), texture=encoding
+    )
     assert "data-ss-texture" not in beside and "data-ss-texture" in crossing
-    every = write_svg(read(beside), texture=encoding, strips=True)
+    every = write_svg(read_svg(beside), texture=encoding, strips=True)
     assert "data-ss-texture" not in every and re.sub(' data-ss-strip="[^"]*"', "", every) == beside
-    assert write_svg(read(crossing), texture=encoding, strips=True) == crossing
+    assert write_svg(read_svg(crossing), texture=encoding, strips=True) == crossing
 
 
 def test_the_look_that_a_hand_gave_a_stroke_is_read():
     text = write_svg(textured(line([10, 50], [90, 50], thickness=8)), texture="vector")
     paths = re.findall(r"\n<path [^>]*/>", text)
     assert len(paths) == 3
-    without = read(text.replace(paths[2], "")).texture.rgba  # the darkest tone deleted
-    assert read(text).texture.rgba[..., 3].max() > without[..., 3].max() > 0
-    red = read(text.replace(paths[0], paths[0].replace("<path", '<path style="fill:#ff0000"'))).texture.rgba
-    assert (red[..., 0] > 200).any() and not (read(text).texture.rgba[..., 0] > 200).any()
-    drawn = text.replace(paths[2], '\n<path transform="scale(.15)" fill="#00ff00" d="M0 300h700v60h-700z"/>')
-    at = strip_points(ribbon(read(text).strokes, 0, 1.0), 12, 9)
+    without = read_svg(text.replace(paths[2], "")).texture.rgba  # the darkest tone deleted
+    assert read_svg(text).texture.rgba[..., 3].max() > without[..., 3].max() > 0
+    red = read_svg(
+        text.replace(paths[0], paths[0].replace("<path", '<path style="fill:#ff0000"'))
+    ).texture.rgba
+    assert (red[..., 0] > 200).any() and not (read_svg(text).texture.rgba[..., 0] > 200).any()
+    drawn = text.replace(
+        paths[2], '\n<path transform="scale(.15)" fill="#00ff00" d="M0 300h700v60h-700z"/>'
+    )
+    at = strip_points(ribbon(read_svg(text).strokes, 0, 1.0), 12, 9)
     assert np.ptp(at[..., 1]) > 7  # which the new bar covers in part only
-    green = read(drawn).texture.rgba[..., 1] > 250
+    green = read_svg(drawn).texture.rgba[..., 1] > 250
     assert 0.2 < green.mean() < 0.9

@@ -28,13 +28,18 @@ def rendered(text, scale=1.0):
 
     from PIL import Image
 
-    return np.asarray(Image.open(io.BytesIO(png_from_svg(text, scale))).convert("RGB")).astype(float)
+    return np.asarray(Image.open(io.BytesIO(png_from_svg(text, scale))).convert("RGB")).astype(
+        float
+    )
 
 
 @pytest.mark.parametrize("name", zoo())
 def test_ink_of_a_zoo_is_where_the_raster_has_it(name):
     made = inked(zoo()[name])
-    got, want = rendered(write_svg(made, texture="vector", tones=2), 2.0), rasterise(made, 2.0, (1, 1, 1)).astype(float)
+    got, want = (
+        rendered(write_svg(made, texture="vector", tones=2), 2.0),
+        rasterise(made, 2.0, (1, 1, 1)).astype(float),
+    )
     dark = (255 - want).mean()
     assert np.isfinite(got).all() and np.abs(got - want).mean() < 0.3 * dark + 0.1
 
@@ -43,7 +48,9 @@ def test_a_closed_stroke_is_a_ring_without_a_seam():
     t = np.linspace(0, 2 * np.pi, 61)
     line = stroke(70 + 40 * np.stack([np.cos(t), np.sin(t)], axis=1), 10, True)
     picture = rendered(write_svg(inked(line), texture="vector", tones=1), 4.0)[..., 0]
-    assert picture[4 * 70 - 8 : 4 * 70 + 8, 4 * 110 - 8 : 4 * 110 + 8].max() < 8  # where it begins and ends
+    assert (
+        picture[4 * 70 - 8 : 4 * 70 + 8, 4 * 110 - 8 : 4 * 110 + 8].max() < 8
+    )  # where it begins and ends
     assert picture[280, 280] == 255  # and its middle is open
     regions = tones(inked(line), [0], 1)
     assert len(regions.stroke) == 2
@@ -78,8 +85,12 @@ def test_opacities_of_a_texture_in_tones_are_found_again(share):
     line = stroke(np.stack([np.linspace(20, 120, 40), np.full(40, 70.0)], 1), 20)
     wanted = np.array([0, 79, 163, 237])
     strip = np.zeros((400, 24, 4), np.uint8)
-    strip[..., 3] = np.kron(rng.choice(wanted, (50, 6), p=[1 - sum(share), *share]), np.ones((8, 4)))
-    regions = tones(Drawing(line, (140, 140), [[0, 0, 0, 1]], Texture(strip, [0, 400], 0.0)), [0], 3)
+    strip[..., 3] = np.kron(
+        rng.choice(wanted, (50, 6), p=[1 - sum(share), *share]), np.ones((8, 4))
+    )
+    regions = tones(
+        Drawing(line, (140, 140), [[0, 0, 0, 1]], Texture(strip, [0, 400], 0.0)), [0], 3
+    )
     shown = np.unique(strip[..., 3])[1:]
     level = 255 * (1 - np.cumprod(1 - regions.opacity[0]))[: len(shown)]
     assert level == pytest.approx(shown, abs=0.6)
@@ -91,7 +102,10 @@ def test_edges_are_fitted_to_the_whole_contour(monkeypatch):
     angle = np.linspace(0, 2 * np.pi, 401)
     radius = 30 + ndimage.gaussian_filter1d(rng.normal(0, 5, 400), 6, mode="wrap")[np.r_[:400, 0]]
     ring = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    two, ends = np.concatenate([ring, ring[::2] + 100]), np.array([0, 401, 602])  # contours do not touch each other
+    two, ends = (
+        np.concatenate([ring, ring[::2] + 100]),
+        np.array([0, 401, 602]),
+    )  # contours do not touch each other
     keep = simplify_all(two, ends, 0.4)
     keep[ends[1:] - 1] = False
     offsets = np.r_[0, np.cumsum(keep)][ends]
@@ -100,12 +114,18 @@ def test_edges_are_fitted_to_the_whole_contour(monkeypatch):
         control = _fitted(two, ends, keep, offsets)
         for k, xy in enumerate((ring, ring[::2] + 100)):
             here = control[offsets[k] : offsets[k + 1]][:, None]
-            before, after, t = np.roll(here, 1, axis=0), np.roll(here, -1, axis=0), np.linspace(0, 1, 20)[:, None]
+            before, after, t = (
+                np.roll(here, 1, axis=0),
+                np.roll(here, -1, axis=0),
+                np.linspace(0, 1, 20)[:, None],
+            )
             spline = 0.5 * (1 - t) ** 2 * before + (0.5 + t * (1 - t)) * here + 0.5 * t * t * after
             yield np.sqrt(np.square(cKDTree(spline.reshape(-1, 2)).query(xy)[0]).mean())
 
     fitted = np.array(list(errors()))
-    monkeypatch.setattr("strokestyle.svg.tones.HELD", 1e9)  # through the points that were kept, and no others
+    monkeypatch.setattr(
+        "strokestyle.svg.tones.HELD", 1e9
+    )  # through the points that were kept, and no others
     assert (fitted < 0.2).all() and (fitted < 0.9 * np.array(list(errors()))).all()
 
 
@@ -124,7 +144,9 @@ def test_what_shows_nothing_has_no_paths():
     line = together(stroke([[20, 20], [60, 30]], 8), stroke([[20, 60], [60, 70]], 8))
     strips = np.zeros((40, 6, 4), np.uint8)
     strips[20:, 1:5, 3] = 255
-    made = Drawing(line, (140, 140), np.tile([0, 0, 0, 1.0], (2, 1)), Texture(strips, [0, 20, 40], 1.0))
+    made = Drawing(
+        line, (140, 140), np.tile([0, 0, 0, 1.0], (2, 1)), Texture(strips, [0, 20, 40], 1.0)
+    )
     paths = tone_paths(tones(made, [0, 1]))
     assert paths[0] == [] and len(paths[1]) >= 1
     assert tone_paths(tones(made, [])) == []

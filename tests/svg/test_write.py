@@ -16,15 +16,10 @@ from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture, signed_distance
 from strokestyle.geometry.curves import KINDS, Curves
 from strokestyle.geometry.parts import Parts
+from strokestyle.render.curve_file import load_curves
+from strokestyle.svg.format import SvgOptions
 from strokestyle.svg.markup import polyline_path, printable, rings_path
-from strokestyle.svg.read_curves import load_curves
-from strokestyle.svg.write import (
-    SvgOptions,
-    plain_svg,
-    save_svg,
-    settled,
-    write_svg,
-)
+from strokestyle.svg.write import plain_svg, resolve_texture, save_svg, write_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 XLINK = "{http://www.w3.org/1999/xlink}"
@@ -44,8 +39,13 @@ def test_image_svg_shows_what_the_raster_shows(texture, scale):
     textured = drawing(texture=texture)
     picture = rendered(write_svg(textured, texture="image"), scale)
     error = np.abs(picture - rasterise(textured, scale, (1, 1, 1)))
-    assert error.mean() < 3.0  # 18 % of this small page is stroke, of a real one 4 %: there it is 0.6
-    assert np.abs(picture - rasterise(textured, scale, (1, 1, 1), texture=False)).mean() > 3 * error.mean()
+    assert (
+        error.mean() < 3.0
+    )  # 18 % of this small page is stroke, of a real one 4 %: there it is 0.6
+    assert (
+        np.abs(picture - rasterise(textured, scale, (1, 1, 1), texture=False)).mean()
+        > 3 * error.mean()
+    )
 
 
 def test_layers_lie_in_painting_order_and_hold_every_stroke():
@@ -53,17 +53,25 @@ def test_layers_lie_in_painting_order_and_hold_every_stroke():
     root = ET.fromstring(write_svg(flat))
     layers = [g for g in root.findall(f"{SVG}g") if g.get(f"{INKSCAPE}groupmode") == "layer"]
     assert [g.get(f"{INKSCAPE}label") for g in layers] == ["valley", "crease", "contour"]
-    assert [len(g) for g in layers] == [int((flat.strokes.kind == KINDS.index(g.get("class"))).sum()) for g in layers]
+    assert [len(g) for g in layers] == [
+        int((flat.strokes.kind == KINDS.index(g.get("class"))).sum()) for g in layers
+    ]
     ids = [e.get("id") for e in root.iter() if e.get("id")]
     assert len(ids) == len(set(ids))
     flat_order = ET.fromstring(write_svg(flat, layers="none"))
-    assert [e.get("id") for e in flat_order if e.get("class") == "stroke"] == [f"s{n:03d}" for n in range(12)]
+    assert [e.get("id") for e in flat_order if e.get("class") == "stroke"] == [
+        f"s{n:03d}" for n in range(12)
+    ]
 
 
 def test_page_has_physical_size_title_and_nothing_to_load():
     text = write_svg(drawing(texture="grain"), title='Cup <1> & "2"', description="a\x00b")
     root = ET.fromstring(text)
-    assert root.get("viewBox") == "0 0 160 120" and root.get("width") == "42.3333mm" and root.get("height") == "31.75mm"
+    assert (
+        root.get("viewBox") == "0 0 160 120"
+        and root.get("width") == "42.3333mm"
+        and root.get("height") == "31.75mm"
+    )
     assert root.find(f"{SVG}title").text == 'Cup <1> & "2"' and root.find(f"{SVG}desc").text == "ab"
     assert "<!DOCTYPE" not in text and "<script" not in text and root.find(f"{SVG}rect") is None
     for element in root.iter():
@@ -90,7 +98,9 @@ def test_strokes_carry_their_centre_line_and_widths():
         rows = slice(flat.strokes.offsets[i], flat.strokes.offsets[i + 1])
         steps = numbers(element.get("data-ss-path")).reshape(-1, 2)
         xy = np.cumsum(steps, axis=0)
-        assert signed_distance(xy, np.zeros(len(xy)), flat.strokes.xy[rows]).max() < 0.068  # slack and rounding
+        assert (
+            signed_distance(xy, np.zeros(len(xy)), flat.strokes.xy[rows]).max() < 0.068
+        )  # slack and rounding
         assert xy[[0, -1]] == pytest.approx(flat.strokes.xy[rows][[0, -1]], abs=0.0051)
         width = numbers(element.get("data-ss-width"))
         along = np.r_[0, np.cumsum(np.hypot(*np.diff(flat.strokes.xy[rows], axis=0).T))]
@@ -98,17 +108,24 @@ def test_strokes_carry_their_centre_line_and_widths():
             t, width = width.reshape(-1, 2).T
         else:
             t = np.r_[0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
-        assert np.interp(along / along[-1], t / t[-1], width) == pytest.approx(flat.strokes.thickness[rows], abs=0.01)
-        assert element.get("data-ss-class") == KINDS[flat.strokes.kind[i]] and element.get("fill-rule") == "nonzero"
+        assert np.interp(along / along[-1], t / t[-1], width) == pytest.approx(
+            flat.strokes.thickness[rows], abs=0.01
+        )
+        assert (
+            element.get("data-ss-class") == KINDS[flat.strokes.kind[i]]
+            and element.get("fill-rule") == "nonzero"
+        )
 
 
 def test_auto_takes_paths_for_grain_in_one_ink_and_images_for_the_rest():
-    flat, grain, colours = (write_svg(drawing(texture=texture)) for texture in (None, "grain", "colours"))
+    flat, grain, colours = (
+        write_svg(drawing(texture=texture)) for texture in (None, "grain", "colours")
+    )
     assert "<image" not in flat and flat.count("<path") == 12
     assert "<image" not in grain and grain.count("<path") > 24 and "texture=vector" in grain
     assert colours.count("<image") == 12 and "texture=image" in colours
-    assert settled(drawing(texture="grain"), SvgOptions()).texture == "vector"
-    assert settled(drawing(), SvgOptions(texture="image")).texture == "none"
+    assert resolve_texture(drawing(texture="grain"), SvgOptions()).texture == "vector"
+    assert resolve_texture(drawing(), SvgOptions(texture="image")).texture == "none"
     plain = write_svg(drawing(texture="grain"), texture="none")
     assert plain == write_svg(replace(drawing(texture="grain"), texture=None))
 
@@ -119,10 +136,14 @@ def test_vector_svg_shows_what_the_raster_shows(texture, most, scale):
     textured = drawing(texture=texture)
     want = rasterise(textured, scale, (1, 1, 1))
     errors = [
-        np.abs(rendered(write_svg(textured, texture="vector", tones=tones), scale) - want).mean() for tones in (1, 3, 8)
+        np.abs(rendered(write_svg(textured, texture="vector", tones=tones), scale) - want).mean()
+        for tones in (1, 3, 8)
     ]
     assert errors[2] < errors[1] < errors[0] and errors[1] < most
-    assert np.abs(rasterise(textured, scale, (1, 1, 1), texture=False) - want.astype(float)).mean() > 2 * errors[1]
+    assert (
+        np.abs(rasterise(textured, scale, (1, 1, 1), texture=False) - want.astype(float)).mean()
+        > 2 * errors[1]
+    )
 
 
 def test_tones_are_nested_in_one_group_and_have_their_own_opacity():
@@ -133,13 +154,19 @@ def test_tones_are_nested_in_one_group_and_have_their_own_opacity():
         assert {child.tag for child in stroke} == {f"{SVG}path"} and 1 <= len(stroke) <= 2
         assert all(0 < float(child.get("fill-opacity")) <= 1 for child in stroke)
     inked = replace(drawing(texture="grain"), color=np.tile([0.1, 0.1, 0.3, 0.5], (12, 1)))
-    for stroke in (g for g in ET.fromstring(write_svg(inked)).iter(f"{SVG}g") if g.get("class") == "stroke"):
-        assert stroke.get("fill") == "#1a1a4c" and all(child.get("fill") is None for child in stroke)
+    for stroke in (
+        g for g in ET.fromstring(write_svg(inked)).iter(f"{SVG}g") if g.get("class") == "stroke"
+    ):
+        assert stroke.get("fill") == "#1a1a4c" and all(
+            child.get("fill") is None for child in stroke
+        )
 
 
 def test_fewer_decimals_and_looser_outlines_make_smaller_files():
     fine, coarse = write_svg(drawing(), decimals=3), write_svg(drawing(), decimals=1)
-    assert len(coarse) < 0.8 * len(fine) and len(write_svg(drawing(), tolerance=0.5)) < len(write_svg(drawing()))
+    assert len(coarse) < 0.8 * len(fine) and len(write_svg(drawing(), tolerance=0.5)) < len(
+        write_svg(drawing())
+    )
     outline = re.findall(r' d="([^"]*)"', coarse)
     assert outline and not any(re.search(r"\.\d\d", d) for d in outline)
 
@@ -185,7 +212,9 @@ def test_an_empty_drawing_is_an_empty_page():
 
 
 def test_degenerate_strokes_are_written():
-    strokes = Strokes([[5, 5], [5, 5], [9, 9], [20, 9]], [0, 0, 0, 0], [0, 2, 4], [0, 0], [False, False])
+    strokes = Strokes(
+        [[5, 5], [5, 5], [9, 9], [20, 9]], [0, 0, 0, 0], [0, 2, 4], [0, 0], [False, False]
+    )
     flat = Drawing(strokes, (40, 30), np.tile([0, 0, 0, 1.0], (2, 1)))
     assert "nan" not in write_svg(flat) and (rendered(write_svg(flat)) == 255).all()
     strip = Texture(np.full((8, 4, 4), 255, np.uint8), [0, 4, 8], 0.0)
@@ -193,15 +222,23 @@ def test_degenerate_strokes_are_written():
 
 
 def test_path_data_is_short_and_exact():
-    ring = np.array([[[0, 0], [1, 0], [1.5, 0.5], [2, 1]], [[2, 1], [2.25, 0.5], [1, 0.004], [0, 0]]], float)
+    ring = np.array(
+        [[[0, 0], [1, 0], [1.5, 0.5], [2, 1]], [[2, 1], [2.25, 0.5], [1, 0.004], [0, 0]]], float
+    )
     assert rings_path([ring]) == "M0 0c1 0 1.5 .5 2 1 .25-.5-1-1-2-1z"
     assert polyline_path(np.array([[1, 2], [1.5, 2], [1.5, 0.25]])) == "M1 2l.5 0 0-1.75"
-    assert polyline_path(np.array([[0, 0], [4, 0], [4, 4], [0, 0.0]]), closed=True) == "M0 0l4 0 0 4z"
+    assert (
+        polyline_path(np.array([[0, 0], [4, 0], [4, 4], [0, 0.0]]), closed=True) == "M0 0l4 0 0 4z"
+    )
 
 
 def test_plain_curves_by_kind():
     lines = [np.array([[10, 10], [50, 10.0]]), np.array([[10, 30], [50, 30], [30, 40], [10, 30.0]])]
-    text = plain_svg(Curves.from_list(lines, [KINDS.index("contour"), KINDS.index("ridge")]), (60, 50), title="x & y")
+    text = plain_svg(
+        Curves.from_list(lines, [KINDS.index("contour"), KINDS.index("ridge")]),
+        (60, 50),
+        title="x & y",
+    )
     root = ET.fromstring(text)
     assert [g.get(f"{INKSCAPE}label") for g in root.findall(f"{SVG}g")] == ["ridge", "contour"]
     picture = rendered(text)
@@ -213,10 +250,16 @@ def test_hidden_curves_lie_dashed_beneath():
     seen, hidden = (Curves.from_list([np.array([[5, y], [55, y]])], [0]) for y in (10.0, 30.0))
     text = plain_svg(seen, (60, 50), hidden=hidden)
     below, above = ET.fromstring(text).findall(f"{SVG}g")
-    assert (below.get(f"{INKSCAPE}label"), above.get(f"{INKSCAPE}label")) == ("hidden-contour", "contour")
+    assert (below.get(f"{INKSCAPE}label"), above.get(f"{INKSCAPE}label")) == (
+        "hidden-contour",
+        "contour",
+    )
     assert below.get("data-ss-hidden") == "1" and len({e.get("id") for e in (*below, *above)}) == 2
     picture = rendered(text)
-    assert picture[10, 8:52, 0].max() < 150 and picture[30, 8:52, 0].max() == 255 > picture[30, 8:52, 0].min()
+    assert (
+        picture[10, 8:52, 0].max() < 150
+        and picture[30, 8:52, 0].max() == 255 > picture[30, 8:52, 0].min()
+    )
     assert plain_svg(seen, (60, 50), hidden=Curves.empty()) == plain_svg(seen, (60, 50))
 
 
@@ -232,7 +275,10 @@ def groups(element, depth=0):
     found = []
     for child in element:
         if child.get(f"{INKSCAPE}groupmode") == "layer":
-            found += [(depth, child.get("id"), child.get(f"{INKSCAPE}label")), *groups(child, depth + 1)]
+            found += [
+                (depth, child.get("id"), child.get(f"{INKSCAPE}label")),
+                *groups(child, depth + 1),
+            ]
     return found
 
 
@@ -249,7 +295,10 @@ def test_a_group_for_every_part_in_the_layer_of_every_kind():
     expected = [
         row
         for kind in kinds
-        for row in ((0, f"layer-{kind}", kind), *((1, f"layer-{kind}-{part}", part) for part in inner))
+        for row in (
+            (0, f"layer-{kind}", kind),
+            *((1, f"layer-{kind}-{part}", part) for part in inner),
+        )
     ]
     assert groups(root) == expected and root.get("data-ss-parts") == "cup handle"
     for layer in root.findall(f"{SVG}g"):
@@ -257,9 +306,9 @@ def test_a_group_for_every_part_in_the_layer_of_every_kind():
         assert layer[: len(loose)] == loose and not any(e.get("data-ss-part") for e in loose)
         for group in layer[len(loose) :]:
             label = group.get(f"{INKSCAPE}label")
-            assert {e.get("data-ss-part") for e in group} == {label} and group.get("data-ss-class") == layer.get(
-                "class"
-            )
+            assert {e.get("data-ss-part") for e in group} == {label} and group.get(
+                "data-ss-class"
+            ) == layer.get("class")
     assert len([e for e in root.iter() if e.get("class") == "stroke"]) == 12
 
 
@@ -267,7 +316,9 @@ def test_a_layer_for_every_part_and_in_it_one_for_every_kind():
     root = ET.fromstring(write_svg(in_parts(), layers="part"))
     kinds = ("valley", "crease", "contour")
     loose = [(0, f"layer-{kind}", kind) for kind in kinds]
-    inner = {part: [(1, f"layer-{kind}-{part}", kind) for kind in kinds] for part in ("cup", "handle")}
+    inner = {
+        part: [(1, f"layer-{kind}-{part}", kind) for kind in kinds] for part in ("cup", "handle")
+    }
     assert groups(root) == [
         *loose, (0, "part-cup", "cup"), *inner["cup"], (0, "part-handle", "handle"), *inner["handle"],
     ]  # fmt: skip
@@ -279,7 +330,9 @@ def test_a_layer_for_every_part_and_in_it_one_for_every_kind():
 def test_what_lies_on_top_is_the_same_in_the_file_and_in_the_raster(layers):
     made = in_parts(("near", "far"))
     thick = replace(made.strokes, thickness=2 * made.strokes.thickness)
-    made = replace(made, strokes=thick, color=np.c_[np.eye(3)[made.parts.index], np.ones(12)])  # a colour a part
+    made = replace(
+        made, strokes=thick, color=np.c_[np.eye(3)[made.parts.index], np.ones(12)]
+    )  # a colour a part
     picture = rendered(write_svg(made, layers=layers))
     error, other = (
         np.abs(picture - rasterise(made, 1.0, (1, 1, 1), layers=by)).mean()
@@ -293,7 +346,9 @@ def test_one_part_or_none_changes_nothing_but_its_attribute():
     assert "part" not in plain and plain == write_svg(drawing(), layers="kind")
     nameless = Parts(("a",), np.full(12, -1))
     assert write_svg(replace(drawing(), parts=nameless)) == plain
-    assert groups(ET.fromstring(write_svg(drawing(), layers="part"))) == groups(ET.fromstring(plain))
+    assert groups(ET.fromstring(write_svg(drawing(), layers="part"))) == groups(
+        ET.fromstring(plain)
+    )
 
 
 NAMES = (
@@ -311,13 +366,17 @@ CLASHING = ["part-a-b", "layer-contour-a-b", "layer-valley-ridge"] + [""] * 9  #
 
 
 @pytest.mark.parametrize("layers", ["kind", "part", "none"])
-@pytest.mark.parametrize("options", [{}, {"texture": "none"}, {"plotter": True}, {"inkscape_lpe": True}])
+@pytest.mark.parametrize(
+    "options", [{}, {"texture": "none"}, {"plotter": True}, {"inkscape_lpe": True}]
+)
 def test_any_name_is_escaped_and_has_an_id_of_its_own(options, layers):
     made = in_parts(NAMES, None if options else "grain")
     text = write_svg(made, layers=layers, ids=CLASHING, **options)
     root = ET.fromstring(text)
     ids = [e.get("id") for e in root.iter() if e.get("id")]
-    assert len(ids) == len(set(ids)) and all(re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) for name in ids)
+    assert len(ids) == len(set(ids)) and all(
+        re.fullmatch(r"[A-Za-z_][\w.-]*", name, re.ASCII) for name in ids
+    )
     assert not any(e.tag.endswith("script") for e in root.iter())
     labels = {e.get(f"{INKSCAPE}label") for e in root.iter()} - {None}
     if layers == "part" and options.get("plotter"):
@@ -341,5 +400,7 @@ def test_plain_curves_by_kind_and_part(tmp_path):
     ]  # fmt: skip
     with_parts, without = rendered(text), rendered(plain_svg(seen, (60, 50), hidden=hidden))
     assert np.array_equal(with_parts, without)
-    (tmp_path / "lines.svg").write_text(text)  # what they are is said by the kind's layer, not by the part's name
+    (tmp_path / "lines.svg").write_text(
+        text
+    )  # what they are is said by the kind's layer, not by the part's name
     assert sorted(load_curves(tmp_path / "lines.svg", (60, 50)).kind) == [0, 0, 0, 4]

@@ -20,8 +20,9 @@ from strokestyle.drawing.strokes import Drawing, Strokes, Texture
 from strokestyle.geometry.curves import KINDS
 from strokestyle.geometry.parts import Parts
 from strokestyle.svg import write as svg
+from strokestyle.svg.read import read_svg
 from strokestyle.svg.tones import _fitted
-from strokestyle.svg.write import png_from_svg, read, save_svg
+from strokestyle.svg.write import png_from_svg, save_svg
 from strokestyle.viewer.page import page_html
 
 SIZE = (160, 120)
@@ -32,7 +33,7 @@ in_browser = pytest.mark.skipif(WHY_NOT is not None, reason=WHY_NOT or "")
 
 
 def write_svg(*drawn, **options):
-    """A file that the page and `read` both take the texture's own strips from."""
+    """A file that the page and `read_svg` both take the texture's own strips from."""
     return svg.write_svg(*drawn, strips=True, **options).replace("data-ss-strip", "data-ss-texture")
 
 
@@ -49,8 +50,12 @@ def drawing(texture=None):
     width = [2 + 5 * np.sin(np.pi * t), 6 - 4 * t, np.full(41, 3.0), np.full(41, 4.0)]
     kinds = [KINDS.index(kind) for kind in ("contour", "valley", "crease", "ridge")]
     closed = [False, False, True, False]
-    strokes = Strokes(np.concatenate(lines), np.concatenate(width), 41 * np.arange(5), kinds, closed)
-    color = np.array([[0.1, 0.1, 0.2, 1.0], [0.6, 0.2, 0.1, 0.8], [0.1, 0.4, 0.2, 1.0], [0.2, 0.2, 0.2, 1.0]])
+    strokes = Strokes(
+        np.concatenate(lines), np.concatenate(width), 41 * np.arange(5), kinds, closed
+    )
+    color = np.array(
+        [[0.1, 0.1, 0.2, 1.0], [0.6, 0.2, 0.1, 0.8], [0.1, 0.4, 0.2, 1.0], [0.2, 0.2, 0.2, 1.0]]
+    )
     if texture is None:
         return Drawing(strokes, SIZE, color)
     rng = np.random.default_rng(0)
@@ -94,13 +99,20 @@ def test_the_page_stands_alone_and_runs_only_its_own_script():
     page = Elements(text)
     for tag, attributes in page.found:
         assert tag not in ("link", "iframe", "object", "embed", "base")
-        assert not {"src", "style"} & set(attributes) and not any(name.startswith("on") for name in attributes)
+        assert not {"src", "style"} & set(attributes) and not any(
+            name.startswith("on") for name in attributes
+        )
         assert attributes.get("href", "#").startswith("#")
     outside = re.sub(r'<script type="application/json".*?</script>', "", text, flags=re.S)
     addresses = set(re.findall(r"\bhttps?://[^\s\"'<>]+", outside))
-    assert addresses <= {"http://www.w3.org/1999/xlink", "http://www.w3.org/2000/svg"}  # names, asked for by nobody
+    assert addresses <= {
+        "http://www.w3.org/1999/xlink",
+        "http://www.w3.org/2000/svg",
+    }  # names, asked for by nobody
     assert "@import" not in outside and "url(" not in outside.replace("url\\(#", "")
-    policy = next(a["content"] for tag, a in page.found if a.get("http-equiv") == "Content-Security-Policy")
+    policy = next(
+        a["content"] for tag, a in page.found if a.get("http-equiv") == "Content-Security-Policy"
+    )
     rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
     assert rules["default-src"] == "'none'" and "unsafe" not in policy
     for i, text in page.text.items():
@@ -113,7 +125,9 @@ def test_the_page_stands_alone_and_runs_only_its_own_script():
 def test_names_and_titles_are_data():
     text = write_svg(drawing(), title=HOSTILE, description=HOSTILE)
     page = Elements(page_html([(HOSTILE, text)]))
-    assert [tag for tag, _ in page.found].count("script") == 3 and "img" not in [tag for tag, _ in page.found]
+    assert [tag for tag, _ in page.found].count("script") == 3 and "img" not in [
+        tag for tag, _ in page.found
+    ]
     held = next(page.text[i] for i, (_, a) in enumerate(page.found) if a.get("id") == "data")
     assert json.loads(held) == [{"name": HOSTILE, "svg": text}]
 
@@ -131,7 +145,9 @@ def test_the_command(tmp_path):
     done = run("view", tmp_path / "a.svg", tmp_path / "b.svgz", "-o", tmp_path / "page.html")
     assert done.exit_code == 0 and "page.html" in done.stderr
     page = Elements((tmp_path / "page.html").read_text(encoding="utf-8"))
-    held = json.loads(next(page.text[i] for i, (_, a) in enumerate(page.found) if a.get("id") == "data"))
+    held = json.loads(
+        next(page.text[i] for i, (_, a) in enumerate(page.found) if a.get("id") == "data")
+    )
     assert [sheet["name"] for sheet in held] == ["a.svg", "b.svgz"]
     assert held[0]["svg"] == (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert run("view", tmp_path / "a.svg", "-o", "-").stdout.startswith("<!doctype html>")
@@ -147,7 +163,9 @@ def test_files_of_one_name_keep_their_folders(tmp_path):
 
 def test_what_cannot_be_shown_gets_one_line(tmp_path):
     save_svg(tmp_path / "a.svg", drawing())
-    (tmp_path / "other.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"><path d="M0 0h9"/></svg>')
+    (tmp_path / "other.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg"><path d="M0 0h9"/></svg>'
+    )
     page = tmp_path / "page.html"
     refused("view", tmp_path / "a.svg", tmp_path / "other.svg", "-o", page, words=["other.svg"])
     refused("view", tmp_path / "none.svg", "-o", page, words=["none.svg"])
@@ -164,7 +182,11 @@ def browser():
     found = Browser()
     try:
         found.__enter__()
-    except (OSError, RuntimeError, TimeoutError) as error:  # a sandbox may hold a browser that cannot run in it
+    except (
+        OSError,
+        RuntimeError,
+        TimeoutError,
+    ) as error:  # a sandbox may hold a browser that cannot run in it
         pytest.skip(f"chromium is there, but does not start ({error})")
     yield found
     found.__exit__(None, None, None)
@@ -184,7 +206,9 @@ def opened(browser, tmp_path):
     yield show
     assert browser.troubles() == []
     assert {address.split(":")[0] for address in browser.requests()} <= {"file", "blob", "data"}
-    browser.run("sheets.forEach((sheet) => (sheet.saved = true))")  # so that nothing asks whether to leave
+    browser.run(
+        "sheets.forEach((sheet) => (sheet.saved = true))"
+    )  # so that nothing asks whether to leave
 
 
 PAINTED = """(() => {
@@ -225,7 +249,9 @@ def middle(browser, selector):
 def on_screen(browser, x, y):
     """Where a point of the drawing lies in the window."""
     box = "document.querySelector('#stage').getBoundingClientRect()"
-    zoom, left, top = browser.run(f"[current.camera.zoom, current.camera.x + {box}.x, current.camera.y + {box}.y]")
+    zoom, left, top = browser.run(
+        f"[current.camera.zoom, current.camera.x + {box}.x, current.camera.y + {box}.y]"
+    )
     return zoom * x + left, zoom * y + top
 
 
@@ -261,7 +287,7 @@ def test_what_the_page_paints_is_the_drawing(opened):
     for i, drawn in enumerate(drawings):
         browser.run(f"showSheet(sheets[{i}])")
         for scale in (1, 3):
-            wanted = rasterise(read(write_svg(drawn)), scale, (1.0, 1.0, 1.0)).astype(float)
+            wanted = rasterise(read_svg(write_svg(drawn)), scale, (1.0, 1.0, 1.0)).astype(float)
             error = np.abs(painted(browser, scale) - wanted)
             assert error.mean() < 0.4 and (error > 40).mean() < 1e-3, (TEXTURES[i], scale)
 
@@ -269,7 +295,9 @@ def test_what_the_page_paints_is_the_drawing(opened):
 @in_browser
 def test_the_first_picture_waits_for_no_worker(opened):
     browser = opened(drawing("grain"))
-    browser.wait_for("frame === 0 && shown && shown.canvas.view.scale > current.camera.zoom")  # the picture at its best
+    browser.wait_for(
+        "frame === 0 && shown && shown.canvas.view.scale > current.camera.zoom"
+    )  # the picture at its best
     text = """
         painters.splice(0, painters.length, { tell() {}, paint: () => new Promise(() => {}) }); // it never answers
         shown = null;
@@ -297,7 +325,13 @@ def test_edges_of_tones_are_those_of_the_command(opened):
 
 @in_browser
 def test_what_is_saved_is_what_is_seen(opened):
-    encodings = [(None, "none"), ("grain", "vector"), ("grain", "image"), ("colours", "vector"), ("colours", "image")]
+    encodings = [
+        (None, "none"),
+        ("grain", "vector"),
+        ("grain", "image"),
+        ("colours", "vector"),
+        ("colours", "image"),
+    ]
     texts = [write_svg(drawing(texture), texture=encoding) for texture, encoding in encodings]
     browser = opened(*texts)
     for i, (texture, encoding) in enumerate(encodings):
@@ -311,8 +345,11 @@ def test_what_is_saved_is_what_is_seen(opened):
         text = saved(browser, f"{NAMES[i]}-edited.svg")
         seen = painted(browser, 2)
         assert np.abs(seen - pixels(png_from_svg(untouched, 2.0))).mean() > 8
-        assert np.abs(seen - pixels(png_from_svg(text, 2.0))).mean() < 0.4 + 2 * loss, (texture, encoding)
-        off = np.abs(seen - rasterise(read(text), 2.0, (1.0, 1.0, 1.0))).mean()
+        assert np.abs(seen - pixels(png_from_svg(text, 2.0))).mean() < 0.4 + 2 * loss, (
+            texture,
+            encoding,
+        )
+        off = np.abs(seen - rasterise(read_svg(text), 2.0, (1.0, 1.0, 1.0))).mean()
         assert off < 0.4 + 2.5 * loss, (texture, encoding)  # the texture is read off what was saved
         elements = [re.findall("<(path|g|image)", svg) for svg in (text, untouched)]
         assert elements[0] == elements[1], (texture, encoding)  # as it was encoded
@@ -321,28 +358,36 @@ def test_what_is_saved_is_what_is_seen(opened):
 
 
 @in_browser
-@pytest.mark.parametrize("texture, encoding", [(None, "none"), ("grain", "vector"), ("colours", "image")])
+@pytest.mark.parametrize(
+    "texture, encoding", [(None, "none"), ("grain", "vector"), ("colours", "image")]
+)
 def test_what_is_saved_may_be_moved_by_other_programs(opened, texture, encoding):
     browser = opened(svg.write_svg(drawing(texture), texture=encoding, strips=True))
     browser.run("change({ ...UNEDITED, wiggle: 2 })")
     made = browser.run("savedText(current)")
     assert made.count(" data-ss-at=") == len(drawing(texture).strokes)
-    there = read(made)
-    blind = read(re.sub(' data-ss-at="[^"]*"', "", made))
+    there = read_svg(made)
+    blind = read_svg(re.sub(' data-ss-at="[^"]*"', "", made))
     assert np.array_equal(there.strokes.xy, blind.strokes.xy)  # it was not moved yet
     scale = 0.15 if encoding == "vector" else 1.0
     moved = re.sub(
         "M([-0-9.]+)( ?)([-0-9.]+)([cq])",
         lambda m: f"M{float(m[1]) + 30 / scale:.9g}{m[2]}{m[3]}{m[4]}",
-        re.sub('( d="|<image x=")([-0-9.]*)', lambda m: m[1] + (f"{float(m[2]) + 30}" if m[2] else ""), made),
+        re.sub(
+            '( d="|<image x=")([-0-9.]*)',
+            lambda m: m[1] + (f"{float(m[2]) + 30}" if m[2] else ""),
+            made,
+        ),
     )
-    assert np.abs(read(moved).strokes.xy - there.strokes.xy - [30, 0]).max() < 0.02
+    assert np.abs(read_svg(moved).strokes.xy - there.strokes.xy - [30, 0]).max() < 0.02
 
 
 @in_browser
 def test_strips_for_the_page_alone_are_not_saved(opened):
     text = svg.write_svg(drawing("grain"), strips=True)
-    assert text.count("data-ss-strip") == 3 and text.count("data-ss-texture") == 1  # the ridge crosses itself
+    assert (
+        text.count("data-ss-strip") == 3 and text.count("data-ss-texture") == 1
+    )  # the ridge crosses itself
     browser = opened(text)
     plain = svg.write_svg(drawing("grain"))
     assert browser.run("savedText(current)") == plain
@@ -352,7 +397,7 @@ def test_strips_for_the_page_alone_are_not_saved(opened):
     assert made.count("data-ss-texture") == 1 and "data-ss-strip" not in made
     off = np.abs(painted(browser, 2) - pixels(png_from_svg(made, 2.0))).mean()
     assert off < 0.6 * np.abs(painted(browser, 2) - before).mean()
-    assert read(made).texture is not None and len(made) < 1.4 * len(plain)
+    assert read_svg(made).texture is not None and len(made) < 1.4 * len(plain)
 
 
 @in_browser
@@ -360,7 +405,7 @@ def test_strips_for_the_page_alone_are_not_saved(opened):
 def test_an_edit_on_the_page_is_the_edit_of_the_command(opened, texture):
     text = write_svg(drawing(texture), texture="none" if texture is None else "image")
     browser = opened(text)
-    start = read(text)
+    start = read_svg(text)
     bend = "{ at: 60, reach: 45, dx: 5, dy: 20 }"  # that stroke is 120 px long
     edits = {
         "thickness: 1.25": thicken(start, 1.25),
@@ -372,7 +417,7 @@ def test_an_edit_on_the_page_is_the_edit_of_the_command(opened, texture):
     }
     for change, wanted in edits.items():
         browser.run(f"change({{ ...UNEDITED, {change.replace('MOVE', bend)} }})")
-        now = read(browser.run("savedText(current)"))
+        now = read_svg(browser.run("savedText(current)"))
         for i in range(4):
             (xy, thickness), (line, width) = stroke(now, i), stroke(wanted, i)
             assert far(xy, line).max() < 0.1 and far(line, xy).max() < 0.1, change
@@ -383,7 +428,7 @@ def test_an_edit_on_the_page_is_the_edit_of_the_command(opened, texture):
         slack = 0.03 if change.count(":") == 1 or texture is None else 0.25
         assert np.abs(painted(browser, 2) - target).mean() < slack * changed + 0.1, change
         # its texture is read off its images, and so is that of the command's file
-        theirs = rasterise(read(svg.write_svg(wanted)), 2, (1.0, 1.0, 1.0)).astype(float)
+        theirs = rasterise(read_svg(svg.write_svg(wanted)), 2, (1.0, 1.0, 1.0)).astype(float)
         saved_off = np.abs(rasterise(now, 2, (1.0, 1.0, 1.0)) - target).mean()
         assert saved_off < slack * changed + 0.1 + 1.1 * np.abs(theirs - target).mean(), change
 
@@ -397,7 +442,7 @@ def test_the_slider_scales_the_widths_and_nothing_else(opened):
     assert factor > 1.3
     label = "document.querySelector('#thickness').previousElementSibling.textContent"
     browser.wait_for(f"{label} === '× {factor:.2f}'")
-    now, was = by_kind(read(saved(browser))), by_kind(read(write_svg(drawing())))
+    now, was = by_kind(read_svg(saved(browser))), by_kind(read_svg(write_svg(drawing())))
     for kind, (xy, thickness) in was.items():
         assert far(now[kind][0], xy).max() < 0.08
         assert abs(now[kind][1].max() / thickness.max() - factor) < 0.01
@@ -422,15 +467,19 @@ def test_a_dragged_point_moves_and_the_others_stay(opened, texture):
     at = np.array([(x - left) / zoom, (y - top) / zoom])
     browser.drag((x, y), (x + zoom * dx, y + zoom * dy))
     moved = middle(browser, grip)
-    assert np.allclose(moved, [x + zoom * dx, y + zoom * dy], atol=1.0)  # the point stays under the hand
+    assert np.allclose(
+        moved, [x + zoom * dx, y + zoom * dy], atol=1.0
+    )  # the point stays under the hand
     text = saved(browser)
-    now, was = by_kind(read(text)), by_kind(read(write_svg(drawing(texture))))
+    now, was = by_kind(read_svg(text)), by_kind(read_svg(write_svg(drawing(texture))))
     line = now["contour"][0]
     assert far(at[None] + [dx, dy], line)[0] < 0.15
     away = np.abs(line[:, 0] - at[0]) > 31
     assert away.sum() >= 2 and np.abs(line[away, 1] - 30).max() < 0.05
     for kind in ("valley", "crease", "ridge"):
-        assert np.array_equal(now[kind][0], was[kind][0]) and np.array_equal(now[kind][1], was[kind][1])
+        assert np.array_equal(now[kind][0], was[kind][0]) and np.array_equal(
+            now[kind][1], was[kind][1]
+        )
     assert np.abs(painted(browser, 2) - pixels(png_from_svg(text, 2.0))).mean() < 4
     browser.key("z", modifiers=2)
     browser.key("Escape")
@@ -445,9 +494,11 @@ def test_keys_pick_a_point_and_nudge_it(opened):
     browser.run("document.querySelector('#handles g:nth-child(2)').focus()")
     for _ in range(3):
         browser.key("ArrowDown", modifiers=8)
-    assert browser.run("Object.values(current.edit.strokes)[0].moves.map((move) => [move.dx, move.dy])") == [[0, 30]]
+    assert browser.run(
+        "Object.values(current.edit.strokes)[0].moves.map((move) => [move.dx, move.dy])"
+    ) == [[0, 30]]
     browser.key("Delete")
-    assert len(read(saved(browser)).strokes) == 3
+    assert len(read_svg(saved(browser)).strokes) == 3
     browser.key("[")
     browser.key("+")
     assert browser.run("current.camera.zoom") > 4
@@ -459,7 +510,7 @@ def test_wiggle_keeps_the_ends(opened):
     browser = opened(drawing())
     slide(browser, "#wiggle", 5)
     slide(browser, "#wavelength", 30)
-    now, was = by_kind(read(saved(browser))), by_kind(read(write_svg(drawing())))
+    now, was = by_kind(read_svg(saved(browser))), by_kind(read_svg(write_svg(drawing())))
     for kind, (xy, thickness) in was.items():
         moved = far(now[kind][0], xy)
         assert 1.5 < moved.max() < 8
@@ -474,30 +525,40 @@ def test_wiggle_keeps_the_ends(opened):
 def test_layers_off_are_left_out_of_the_file(opened):
     browser = opened(drawing())
     browser.click(*middle(browser, "#layers input[value=valley]"))
-    assert set(by_kind(read(saved(browser)))) == {"contour", "crease", "ridge"}
+    assert set(by_kind(read_svg(saved(browser)))) == {"contour", "crease", "ridge"}
     below = painted(browser)[87:]
     assert below.min() == 255
     browser.click(*middle(browser, "#layers input[value=valley]"))
-    assert set(by_kind(read(saved(browser)))) == {"contour", "crease", "valley", "ridge"}
+    assert set(by_kind(read_svg(saved(browser)))) == {"contour", "crease", "valley", "ridge"}
 
 
 @in_browser
 @pytest.mark.parametrize("layers", ["kind", "part"])
 def test_a_layer_and_a_part_in_it_are_switched_off_apart(opened, layers):
     drawn, names = drawing(), ("rim", HOSTILE[:60])  # every kind once in each part
-    twice = [np.concatenate([a, a]) for a in (drawn.strokes.xy, drawn.strokes.thickness, drawn.strokes.kind)]
+    twice = [
+        np.concatenate([a, a])
+        for a in (drawn.strokes.xy, drawn.strokes.thickness, drawn.strokes.kind)
+    ]
     both = Strokes(*twice[:2], 41 * np.arange(9), twice[2], np.tile(drawn.strokes.closed, 2))
     parts = Parts(names, [0, 1, 0, 1, 1, 0, 1, 0])
-    browser = opened(write_svg(Drawing(both, SIZE, np.tile(drawn.color, (2, 1)), parts=parts), layers=layers))
-    outer = ["contour", "crease", "ridge", "valley"] if layers == "kind" else sorted("/" + name for name in names)
+    browser = opened(
+        write_svg(Drawing(both, SIZE, np.tile(drawn.color, (2, 1)), parts=parts), layers=layers)
+    )
+    outer = (
+        ["contour", "crease", "ridge", "valley"]
+        if layers == "kind"
+        else sorted("/" + name for name in names)
+    )
     keys = browser.run("current.drawing.layers.map((layer) => layer.key)")
     assert sorted(keys) == outer
     assert browser.run("document.querySelectorAll('#layers details label').length") == 8
 
     def kept():
-        found = read(browser.run("savedText(current)"))
+        found = read_svg(browser.run("savedText(current)"))
         return sorted(
-            (KINDS[k], found.parts.names[p]) for k, p in zip(found.strokes.kind, found.parts.index, strict=True)
+            (KINDS[k], found.parts.names[p])
+            for k, p in zip(found.strokes.kind, found.parts.index, strict=True)
         )
 
     def switch(key):
@@ -510,8 +571,14 @@ def test_a_layer_and_a_part_in_it_are_switched_off_apart(opened, layers):
     switch(f"valley/{names[1]}")
     assert kept() == [pair for pair in everything if pair != ("valley", names[1])]
     switch(outer[0])
-    first = (lambda pair: pair[0] == "contour") if layers == "kind" else (lambda pair: "/" + pair[1] == outer[0])
-    assert kept() == [pair for pair in everything if pair != ("valley", names[1]) and not first(pair)]
+    first = (
+        (lambda pair: pair[0] == "contour")
+        if layers == "kind"
+        else (lambda pair: "/" + pair[1] == outer[0])
+    )
+    assert kept() == [
+        pair for pair in everything if pair != ("valley", names[1]) and not first(pair)
+    ]
     switch(outer[0])
     switch(f"valley/{names[1]}")
     assert kept() == everything
@@ -531,7 +598,10 @@ def test_before_and_after(opened):
     thick = settled()
     assert thick != first
     browser.click(*middle(browser, "#before"))
-    assert settled() == first and browser.run("document.querySelector('#before').ariaPressed") == "true"
+    assert (
+        settled() == first
+        and browser.run("document.querySelector('#before').ariaPressed") == "true"
+    )
     browser.key("b")
     assert settled() == thick
     browser.run("document.querySelector('#reset').click()")
@@ -547,12 +617,16 @@ def test_wheel_drag_and_fit(opened):
     browser.mouse("mouseWheel", *at, deltaX=0, deltaY=-200)
     browser.wait_for(f"current.camera.zoom > {1.2 * zoom}")
     grown = browser.run("current.camera.zoom") / zoom
-    assert np.allclose(on_screen(browser, 40, 50), at - grown * here)  # what is under the mouse stays there
+    assert np.allclose(
+        on_screen(browser, 40, 50), at - grown * here
+    )  # what is under the mouse stays there
     was = np.array(on_screen(browser, 40, 50))
     browser.drag(at, (at[0] + 30, at[1] + 20))
     assert np.allclose(on_screen(browser, 40, 50), was + [30, 20])
     browser.click(*middle(browser, "#fit"))
-    assert np.allclose(browser.run("[current.camera.zoom, current.camera.x, current.camera.y]"), [zoom, x, y])
+    assert np.allclose(
+        browser.run("[current.camera.zoom, current.camera.x, current.camera.y]"), [zoom, x, y]
+    )
 
 
 @in_browser
@@ -563,10 +637,10 @@ def test_several_drawings_on_one_page(opened):
     ]  # fmt: skip
     browser.click(*middle(browser, "#tabs button:nth-child(2)"))
     slide(browser, "#thickness", 1)
-    assert abs(by_kind(read(saved(browser, "b-edited.svg")))["contour"][1].max() - 14) < 0.1
+    assert abs(by_kind(read_svg(saved(browser, "b-edited.svg")))["contour"][1].max() - 14) < 0.1
     browser.click(*middle(browser, "#tabs button:nth-child(1)"))
     assert browser.run("current.edit === UNEDITED")
-    assert abs(by_kind(read(saved(browser)))["contour"][1].max() - 7) < 0.1
+    assert abs(by_kind(read_svg(saved(browser)))["contour"][1].max() - 7) < 0.1
 
 
 @in_browser
@@ -581,10 +655,15 @@ def test_odd_strokes_and_none_at_all(opened):
     ]
     count = [len(line) for line in lines]
     width = np.repeat([6.0, 4.0, 0.0, 5.0, 3.0], count)
-    strokes = Strokes(np.concatenate(lines), width, np.cumsum([0, *count]), np.zeros(5), [False] * 4 + [True])
+    strokes = Strokes(
+        np.concatenate(lines), width, np.cumsum([0, *count]), np.zeros(5), [False] * 4 + [True]
+    )
     color = np.tile([0.1, 0.1, 0.2, 1.0], (5, 1))
     strip = np.full((60, 8, 4), [26, 26, 51, 200], np.uint8)
-    odd = [Drawing(strokes, SIZE, color, t) for t in (None, Texture(np.tile(strip, (5, 1, 1)), 60 * np.arange(6), 1.0))]
+    odd = [
+        Drawing(strokes, SIZE, color, t)
+        for t in (None, Texture(np.tile(strip, (5, 1, 1)), 60 * np.arange(6), 1.0))
+    ]
     empty = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), SIZE, np.zeros((0, 4)))
     browser = opened(*odd, empty, width=800, height=500)
     for name, kept in zip("abc", (5, 5, 0), strict=True):
@@ -598,7 +677,7 @@ def test_odd_strokes_and_none_at_all(opened):
             changes = "moves: [{ at: 1, reach: 30, dx: 5, dy: 9 }]"
             browser.run(f"for (let k = 0; k < 5; k++) changeStroke(k, {{ {changes} }})")
         text = saved(browser, f"{name}-edited.svg")
-        assert len(read(text).strokes) == kept
+        assert len(read_svg(text).strokes) == kept
         assert np.abs(painted(browser, 2) - pixels(png_from_svg(text, 2.0))).mean() < 1
 
 
@@ -612,8 +691,12 @@ def test_hostile_words_stay_words(browser, tmp_path):
     browser.run(
         "document.body.append(Object.assign(document.createElement('div'), {innerHTML: '<img src=x onerror=harm=1>'}))"
     )
-    browser.run("document.head.append(Object.assign(document.createElement('script'), {textContent: 'harm = 1'}))")
-    assert browser.run("window.harm === undefined")  # even if something of that kind slipped through
+    browser.run(
+        "document.head.append(Object.assign(document.createElement('script'), {textContent: 'harm = 1'}))"
+    )
+    assert browser.run(
+        "window.harm === undefined"
+    )  # even if something of that kind slipped through
     browser.events.clear()
 
 

@@ -16,11 +16,22 @@ from .. import __version__
 # other work that made a fit 5 times slower (138 s for 25 s); sleeping at once made it a quarter slower on idle ones
 # (17.3 s for 13.7 s). So they spin for some 30 microseconds, and then sleep.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+
 os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 # Text for --help, so that it needs no import; tests/test_cli.py checks it against the library.
 VIEWS = "front, three-quarter, side, back, top"
-KIND_NAMES = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent", "intersection")
+KIND_NAMES = (
+    "contour",
+    "boundary",
+    "crease",
+    "suggestive",
+    "ridge",
+    "valley",
+    "apparent",
+    "intersection",
+)
 VIEW_SUFFIXES = (".npz",)
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".dae", ".xyz", ".wrl")
 PRESET_NAMES = ("quick", "standard", "paper")
@@ -38,7 +49,7 @@ def _verbosity() -> int:
     return context.meta.get("strokestyle.verbosity", 0) if context else 0
 
 
-class stage:
+class timed:
     """`with stage("lines"):` says with -v how long that took."""
 
     def __init__(self, name: str):
@@ -66,7 +77,11 @@ class Size(click.ParamType):
             width, height = int(parts[0]), int(parts[-1])
             if 64 <= width <= 8192 and 64 <= height <= 8192:
                 return width, height
-        self.fail(f"{value!r} is no canvas size: give pixels from 64 to 8192, such as 768 or 1024x768", param, ctx)
+        self.fail(
+            f"{value!r} is no canvas size: give pixels from 64 to 8192, such as 768 or 1024x768",
+            param,
+            ctx,
+        )
 
 
 class ViewName(click.ParamType):
@@ -93,7 +108,9 @@ class Kinds(click.ParamType):
             return KIND_NAMES
         wrong = [name for name in names if name not in KIND_NAMES]
         if wrong or not names:
-            self.fail(f"{', '.join(wrong) or 'nothing'}: no such kind of line; there are {', '.join(KIND_NAMES)}, all")
+            self.fail(
+                f"{', '.join(wrong) or 'nothing'}: no such kind of line; there are {', '.join(KIND_NAMES)}, all"
+            )
         return names
 
 
@@ -108,11 +125,19 @@ class Detail(click.ParamType):
             low = float(low)
             high = float(high) if dots else low
         except ValueError:
-            self.fail(f"{value!r} is neither a number nor a range: give one such as 2, or 0.5..2", param, ctx)
+            self.fail(
+                f"{value!r} is neither a number nor a range: give one such as 2, or 0.5..2",
+                param,
+                ctx,
+            )
         if not (LEAST_DETAIL <= low <= MOST_DETAIL and LEAST_DETAIL <= high <= MOST_DETAIL):
-            self.fail(f"{value}: detail lies between {LEAST_DETAIL:g} and {MOST_DETAIL:g}", param, ctx)
+            self.fail(
+                f"{value}: detail lies between {LEAST_DETAIL:g} and {MOST_DETAIL:g}", param, ctx
+            )
         if high < low:
-            self.fail(f"{value}: a range of detail runs from LOW to HIGH: {high:g}..{low:g}", param, ctx)
+            self.fail(
+                f"{value}: a range of detail runs from LOW to HIGH: {high:g}..{low:g}", param, ctx
+            )
         return low, high
 
 
@@ -130,7 +155,12 @@ def _set_verbosity(ctx, param, value):
 
 common_options = _options(
     click.option(
-        "-q", "--quiet", is_flag=True, expose_value=False, callback=_set_verbosity, help="Say nothing but errors."
+        "-q",
+        "--quiet",
+        is_flag=True,
+        expose_value=False,
+        callback=_set_verbosity,
+        help="Say nothing but errors.",
     ),
     click.option(
         "-v",
@@ -153,8 +183,16 @@ view_options = _options(
         type=click.Path(),
         help="A camera.json (eye, target, up, fov_y_deg, size), in place of the view options.",
     ),
-    click.option("--fov", type=click.FloatRange(1, 150), help="Vertical field of view, degrees.  [default: 30]"),
-    click.option("--up", type=click.Choice(["y", "z"]), help="Which axis of the mesh points up.  [default: y]"),
+    click.option(
+        "--fov",
+        type=click.FloatRange(1, 150),
+        help="Vertical field of view, degrees.  [default: 30]",
+    ),
+    click.option(
+        "--up",
+        type=click.Choice(["y", "z"]),
+        help="Which axis of the mesh points up.  [default: y]",
+    ),
     click.option("--size", type=Size(), help="Canvas, pixels.  [default: 768]"),
 )
 
@@ -162,19 +200,29 @@ line_options = _options(
     click.option(
         "--lines",
         type=Kinds(),
-        help="Kinds of line to draw: " + ", ".join(KIND_NAMES) + ", or all.  [default: all but apparent]",
+        help="Kinds of line to draw: "
+        + ", ".join(KIND_NAMES)
+        + ", or all.  [default: all but apparent]",
     ),
-    click.option("--crease", type=click.FloatRange(1, 180), help="Dihedral angle of a crease, degrees.  [default: 40]"),
+    click.option(
+        "--crease",
+        type=click.FloatRange(1, 180),
+        help="Dihedral angle of a crease, degrees.  [default: 40]",
+    ),
     click.option(
         "--suggestive",
         type=click.FloatRange(0),
         help="Threshold of suggestive contours, in units of the feature size.  [default: 0.01]",
     ),
     click.option(
-        "--ridge", type=click.FloatRange(0), help="Threshold of ridges, in units of the feature size.  [default: 0.4]"
+        "--ridge",
+        type=click.FloatRange(0),
+        help="Threshold of ridges, in units of the feature size.  [default: 0.4]",
     ),
     click.option(
-        "--valley", type=click.FloatRange(0), help="Threshold of valleys, in units of the feature size.  [default: 0.1]"
+        "--valley",
+        type=click.FloatRange(0),
+        help="Threshold of valleys, in units of the feature size.  [default: 0.1]",
     ),
     click.option(
         "--apparent",
@@ -188,9 +236,13 @@ line_options = _options(
         "LOW, each followed as far as it would be drawn at HIGH.  [default: 1; 0.1<=x<=10]",
     ),
     click.option(
-        "--spacing", type=click.FloatRange(0.5, 50), help="Distance of the curves' points, pixels.  [default: 3]"
+        "--spacing",
+        type=click.FloatRange(0.5, 50),
+        help="Distance of the curves' points, pixels.  [default: 3]",
     ),
-    click.option("--curves", type=click.Path(), help="Draw these curves (.json or .svg) instead of our own."),
+    click.option(
+        "--curves", type=click.Path(), help="Draw these curves (.json or .svg) instead of our own."
+    ),
 )
 
 seed_option = click.option(
@@ -200,6 +252,7 @@ seed_option = click.option(
     show_default=True,
     help="Same seed, same machine, same bytes.",
 )
+
 device_option = click.option(
     "--device",
     type=click.Choice(["auto", "cpu", "cuda"]),
@@ -208,10 +261,12 @@ device_option = click.option(
     help="Where to compute; auto takes CUDA where there is one.",
 )
 
-
 file_options = _options(
     click.option(
-        "--tones", type=click.IntRange(1, 8), metavar="N", help="Tones of a vector texture, 1 to 8.  [default: 3]"
+        "--tones",
+        type=click.IntRange(1, 8),
+        metavar="N",
+        help="Tones of a vector texture, 1 to 8.  [default: 3]",
     ),
     click.option(
         "--texture-res",
@@ -225,7 +280,11 @@ file_options = _options(
         metavar="PX",
         help="How far an outline may be off; a tone's edge, twice that.  [default: 0.1]",
     ),
-    click.option("--page-size", metavar="A4|WxHmm", help="Paper: A0 to A6, letter, legal, or for instance 210x297mm."),
+    click.option(
+        "--page-size",
+        metavar="A4|WxHmm",
+        help="Paper: A0 to A6, letter, legal, or for instance 210x297mm.",
+    ),
     click.option(
         "--layers",
         type=click.Choice(["kind", "part", "none"]),
@@ -235,9 +294,17 @@ file_options = _options(
     click.option("--decimals", type=click.IntRange(0, 6), help="Of the coordinates.  [default: 2]"),
     click.option("--title", metavar="TEXT", help="Of the drawing.  [default: the shape's name]"),
     click.option("--author", metavar="NAME", help="Told in the file's metadata."),
-    click.option("--license", metavar="NAME|URL", help="Likewise: CC-BY-4.0, CC0-1.0 ..., a URL, or other words."),
-    click.option("--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb."),
-    click.option("--plotter", is_flag=True, default=None, help="Centre lines only, in mm, for pen plotters."),
+    click.option(
+        "--license",
+        metavar="NAME|URL",
+        help="Likewise: CC-BY-4.0, CC0-1.0 ..., a URL, or other words.",
+    ),
+    click.option(
+        "--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb."
+    ),
+    click.option(
+        "--plotter", is_flag=True, default=None, help="Centre lines only, in mm, for pen plotters."
+    ),
     click.option(
         "--inkscape-lpe",
         is_flag=True,
@@ -280,7 +347,9 @@ def describe(error: BaseException) -> str:
     return " ".join(text.split())
 
 
-@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110}
+)
 @click.version_option(__version__, prog_name="strokestyle")
 def main():
     """Learn how an artist draws lines from ONE drawing of a 3D shape, and draw any other shape in that hand.
@@ -334,8 +403,16 @@ def extract(shape, outputs, **options):
     OUT.json  camera and curves for other programs
     """
     for output in outputs:
-        if output != "-" and Path(output).suffix.lower() not in (".png", ".svg", ".svgz", ".npz", ".json"):
-            raise click.UsageError(f"{output}: cannot tell what to write; name it .png, .svg, .npz or .json")
+        if output != "-" and Path(output).suffix.lower() not in (
+            ".png",
+            ".svg",
+            ".svgz",
+            ".npz",
+            ".json",
+        ):
+            raise click.UsageError(
+                f"{output}: cannot tell what to write; name it .png, .svg, .npz or .json"
+            )
     _check_outputs(outputs, [shape])
     view = Views(shape, options).view()
     for output in outputs:
@@ -403,22 +480,28 @@ def fit(drawing, shape, output, preset, minutes, resume, seed, device, **options
         )
     from ..fit.exemplar import load_exemplar
 
-    with stage("read the drawing"):
-        exemplar, note = load_exemplar(drawing, view.camera.width, view.camera.height, view.curves.xy)
+    with timed("read the drawing"):
+        exemplar, note = load_exemplar(
+            drawing, view.camera.width, view.camera.height, view.curves.xy
+        )
     if note:
         say(f"{drawing}: {note}")
     from ..fit.checkpoint import Checkpoint
-    from ..fit.train import PRESETS, fit_sheet
-    from ..fit.train import fit as fit_style
-    from ..render.style import save_style
+    from ..fit.report import fit_report
+    from ..fit.train import PRESETS, fit_style
+    from ..render.style_file import save_style
 
     checkpoint = Checkpoint(f"{output}.checkpoint", resume=resume)
     if resume and not checkpoint.path.exists():
         say(f"{checkpoint.path}: no checkpoint there; starting from the beginning")
     elif resume and minutes:
-        say(f"{checkpoint.path}: going on with the steps chosen then, not with --minutes {minutes:g}")
+        say(
+            f"{checkpoint.path}: going on with the steps chosen then, not with --minutes {minutes:g}"
+        )
     elif not resume and checkpoint.path.exists():
-        say(f"{checkpoint.path}: left by an interrupted fit, to be replaced; --resume would go on from it")
+        say(
+            f"{checkpoint.path}: left by an interrupted fit, to be replaced; --resume would go on from it"
+        )
     started = time.perf_counter()
     try:
         with Progress() as progress:
@@ -439,7 +522,7 @@ def fit(drawing, shape, output, preset, minutes, resume, seed, device, **options
         raise KeyboardInterrupt(f"interrupted; {text}") from None
     save_style(output, style)
     checkpoint.remove()
-    _write_png(sheet, fit_sheet(view, exemplar, style))
+    _write_png(sheet, fit_report(view, exemplar, style))
     say(f"{drawing}: learned in {time.perf_counter() - started:.0f} s -> {output}, {sheet}")
 
 
@@ -471,11 +554,18 @@ Examples:
 )
 @click.option("--png", is_flag=True, help="Write a PNG preview beside each SVG.")
 @click.option(
-    "--png-scale", type=click.FloatRange(0.1, 16), default=1.0, show_default=True, help="Preview pixels per SVG pixel."
+    "--png-scale",
+    type=click.FloatRange(0.1, 16),
+    default=1.0,
+    show_default=True,
+    help="Preview pixels per SVG pixel.",
 )
 @file_options
 @click.option(
-    "--turntable", type=click.IntRange(1, 3600), metavar="N", help="N drawings round the upright axis, OUT-000.svg ..."
+    "--turntable",
+    type=click.IntRange(1, 3600),
+    metavar="N",
+    help="N drawings round the upright axis, OUT-000.svg ...",
 )
 @click.option(
     "--stages",
@@ -485,7 +575,11 @@ Examples:
     "-4-textured, and all four on one -sheet.png. Takes the place of -o, or goes beside it.",
 )
 @click.option(
-    "--jobs", type=click.IntRange(1, 256), default=1, show_default=True, help="Shapes drawn at the same time."
+    "--jobs",
+    type=click.IntRange(1, 256),
+    default=1,
+    show_default=True,
+    help="Shapes drawn at the same time.",
 )
 @seed_option
 @device_option
@@ -513,7 +607,9 @@ def render(model, shapes, output, jobs, **options):
             work = functools.partial(_render_one, model, options)
             failed = _report(pool.map(work, *zip(*plan, strict=True)), len(plan))
     else:
-        failed = _report((_render_one(model, options, shape, out) for shape, out in plan), len(plan))
+        failed = _report(
+            (_render_one(model, options, shape, out) for shape, out in plan), len(plan)
+        )
     if failed:
         sys.exit(1)
 
@@ -549,7 +645,7 @@ class EditText(click.ParamType):
         self.edit, self.name = edit, name
 
     def convert(self, value, param, ctx):
-        from ..drawing.edit import parse_edit
+        from .edit_text import parse_edit
 
         try:
             return parse_edit(self.edit, value)
@@ -558,7 +654,9 @@ class EditText(click.ParamType):
 
 
 def _edit_option(name, metavar, text):
-    return click.option(f"--{name}", type=EditText(name, metavar), multiple=True, metavar=metavar, help=text)
+    return click.option(
+        f"--{name}", type=EditText(name, metavar), multiple=True, metavar=metavar, help=text
+    )
 
 
 EDITS = ("thickness", "wiggle", "smooth", "simplify", "move", "taper", "recolor", "restyle", "drop")
@@ -580,18 +678,42 @@ Examples:
   strokestyle render model.pt mesh.obj -o - | strokestyle edit - -o - --wiggle 2,30 | inkscape --pipe ...""",
 )
 @click.argument("drawing", metavar="IN.svg", type=click.Path())
-@click.option("-o", "--output", type=click.Path(), required=True, help="OUT.svg, OUT.svgz, or - for standard output.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    required=True,
+    help="OUT.svg, OUT.svgz, or - for standard output.",
+)
 @_edit_option("thickness", "K", "Every thickness times K.")
-@_edit_option("wiggle", "AMPLITUDE,WAVELENGTH", "Make lines tremble by up to AMPLITUDE px; their ends stay.")
+@_edit_option(
+    "wiggle", "AMPLITUDE,WAVELENGTH", "Make lines tremble by up to AMPLITUDE px; their ends stay."
+)
 @_edit_option("smooth", "PX", "Smooth lines over PX; their ends stay.")
-@_edit_option("simplify", "PX", "Draw lines through as few points as keep them within PX, curved between.")
-@_edit_option("move", "STROKE:POINT:DX,DY", "Move the point at POINT (0 to 1) of a stroke by DX,DY px; others follow.")
+@_edit_option(
+    "simplify", "PX", "Draw lines through as few points as keep them within PX, curved between."
+)
+@_edit_option(
+    "move",
+    "STROKE:POINT:DX,DY",
+    "Move the point at POINT (0 to 1) of a stroke by DX,DY px; others follow.",
+)
 @_edit_option("taper", "PX", "Bring strokes to a point over PX at either end.")
 @_edit_option("recolor", "COLOR", "Change the ink's colour, the texture's too.")
-@click.option("--restyle", type=click.Path(), multiple=True, metavar="MODEL", help="Draw the lines in another hand.")
-@_edit_option("drop", "WHAT", "Take strokes out: '<20' the shorter ones, 'valley,ridge', or 'valley<20'.")
 @click.option(
-    "--texture", type=click.Choice(["auto", "vector", "image", "none"]), help="As in render.  [default: as it is]"
+    "--restyle",
+    type=click.Path(),
+    multiple=True,
+    metavar="MODEL",
+    help="Draw the lines in another hand.",
+)
+@_edit_option(
+    "drop", "WHAT", "Take strokes out: '<20' the shorter ones, 'valley,ridge', or 'valley<20'."
+)
+@click.option(
+    "--texture",
+    type=click.Choice(["auto", "vector", "image", "none"]),
+    help="As in render.  [default: as it is]",
 )
 @click.option("--png", is_flag=True, help="Write a PNG preview beside the SVG.")
 @file_options
@@ -609,22 +731,24 @@ def edit(drawing, output, png, seed, restyle, **options):
     if png and output == "-":
         raise click.UsageError("standard output takes one SVG: no --png with -o -")
     _check_outputs([output], [drawing] if drawing != "-" else [])
-    from ..drawing.edit import Sheet
-    from ..svg.read import read_file
+    from ..svg.read import read_svg_file
     from ..svg.write import png_from_svg, write_svg, write_text
+    from .edit_text import NamedDrawing
 
-    with stage("read the drawing"):
-        found = read_file(sys.stdin.buffer.read() if drawing == "-" else drawing)
-    sheet = Sheet(found.drawing, found.ids)
-    waiting = {name: list(options.pop(name)) for name in EDITS if name != "restyle"} | {"restyle": list(restyle)}
+    with timed("read the drawing"):
+        found = read_svg_file(sys.stdin.buffer.read() if drawing == "-" else drawing)
+    sheet = NamedDrawing(found.drawing, found.ids)
+    waiting = {name: list(options.pop(name)) for name in EDITS if name != "restyle"} | {
+        "restyle": list(restyle)
+    }
     for name in click.get_current_context().meta["strokestyle.order"]:
         change = waiting[name].pop(0)
-        with stage(name):
+        with timed(name):
             sheet = _restyled(change, sheet, seed) if name == "restyle" else change(sheet, seed)
     kept = {name: value for name, value in options.items() if value is not None}
     if kept.get("inkscape_lpe"):
         kept.setdefault("texture", "none")
-    with stage("write the SVG"):
+    with timed("write the SVG"):
         text = write_svg(sheet.drawing, found.options, ids=sheet.ids, **kept)
     written = output
     if output == "-":
@@ -637,23 +761,30 @@ def edit(drawing, output, png, seed, restyle, **options):
             preview = str(Path(output).with_suffix(".png"))
             write_bytes(preview, png_from_svg(text))
             written += f", {preview}"
-    lost = {"hidden strokes": found.hidden, "shapes": found.others, "clips, gradients, filters": found.effects}
+    lost = {
+        "hidden strokes": found.hidden,
+        "shapes": found.others,
+        "clips, gradients, filters": found.effects,
+    }
     lost = ", ".join(f"{what} {n}" for what, n in lost.items() if n)
-    say(f"{drawing}: {len(sheet.ids)} strokes -> {written}" + (f"; left out: {lost}" if lost else ""))
+    say(
+        f"{drawing}: {len(sheet.ids)} strokes -> {written}"
+        + (f"; left out: {lost}" if lost else "")
+    )
 
 
 def _restyled(model: str, sheet, seed: int):
     """The sheet's centre lines in the hand of a model, which knows nothing of the shape."""
-    from ..drawing.edit import Sheet
-    from ..extract.view import view_of_lines
+    from ..extract.pipeline import view_of_lines
     from ..geometry.curves import Curves
+    from .edit_text import NamedDrawing
 
     strokes, (width, height) = sheet.drawing.strokes, sheet.drawing.size
     style = _style(model, "auto")
     curves = Curves(strokes.xy, strokes.offsets, strokes.kind, strokes.closed)
     lines = view_of_lines(curves, width, height, parts=sheet.drawing.parts)
     drawing = style.draw(lines, seed=seed)
-    return Sheet(drawing, ("",) * len(drawing.strokes))
+    return NamedDrawing(drawing, ("",) * len(drawing.strokes))
 
 
 @main.command(
@@ -664,7 +795,13 @@ Examples:
   strokestyle render model.pt mesh.obj -o - | strokestyle view - -o page.html"""
 )
 @click.argument("files", nargs=-1, required=True, type=click.Path())
-@click.option("-o", "--output", type=click.Path(), required=True, help="The page to write; - is standard output.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    required=True,
+    help="The page to write; - is standard output.",
+)
 @click.option("--open", "show", is_flag=True, help="Show it in the browser.")
 @common_options
 def view(files, output, show):
@@ -677,16 +814,18 @@ def view(files, output, show):
     _check_outputs([output], [file for file in files if file != "-"])
     if show and output == "-":
         raise click.UsageError("--open needs a file to open: give -o page.html")
-    from ..svg.read import read_file
+    from ..svg.read import read_svg_file
     from ..svg.write import write_svg
     from ..viewer.page import page_html
 
     drawings = []
     for name, file in zip(_short_names(files), files, strict=True):
-        found = read_file(sys.stdin.buffer.read() if file == "-" else file)
-        with stage(f"write {name} anew"):
+        found = read_svg_file(sys.stdin.buffer.read() if file == "-" else file)
+        with timed(f"write {name} anew"):
             # Inkscape's live effect is left out: the page could not keep it in step with the outline
-            text = write_svg(found.drawing, found.options, ids=found.ids, strips=True, inkscape_lpe=False)
+            text = write_svg(
+                found.drawing, found.options, ids=found.ids, strips=True, inkscape_lpe=False
+            )
             drawings.append((name, text))
     page = page_html(drawings)
     if output == "-":
@@ -727,19 +866,31 @@ def _plan(shapes, output: str, options: dict) -> list[tuple[str, str]]:
     found = []
     for shape in shapes:
         if Path(shape).is_dir():
-            inside = sorted(p for p in Path(shape).iterdir() if p.suffix.lower() in MESH_SUFFIXES + VIEW_SUFFIXES)
+            inside = sorted(
+                p
+                for p in Path(shape).iterdir()
+                if p.suffix.lower() in MESH_SUFFIXES + VIEW_SUFFIXES
+            )
             if not inside:
-                raise ValueError(f"{shape}: no mesh and no view in this folder ({', '.join(MESH_SUFFIXES)}, .npz)")
+                raise ValueError(
+                    f"{shape}: no mesh and no view in this folder ({', '.join(MESH_SUFFIXES)}, .npz)"
+                )
             found += [str(path) for path in inside]
         else:
             found.append(shape)
     folder = Path(output)
-    to_folder = output != "-" and (output.endswith(("/", os.sep)) or folder.is_dir() or folder.suffix == "")
+    to_folder = output != "-" and (
+        output.endswith(("/", os.sep)) or folder.is_dir() or folder.suffix == ""
+    )
     if len(found) > 1 and not to_folder:
-        raise click.UsageError(f"{len(found)} shapes need a folder to go to, such as -o drawings/, not {output}")
+        raise click.UsageError(
+            f"{len(found)} shapes need a folder to go to, such as -o drawings/, not {output}"
+        )
     if output == "-":
         if options["png"] or options["turntable"]:
-            raise click.UsageError("standard output takes one SVG: no --png and no --turntable with -o -")
+            raise click.UsageError(
+                "standard output takes one SVG: no --png and no --turntable with -o -"
+            )
         return [(found[0], "-")]
     if to_folder:
         folder.mkdir(parents=True, exist_ok=True)
@@ -765,32 +916,45 @@ def _render_one(model: str, options: dict, shape: str, output: str) -> tuple[str
         return _draw(model, options, shape, output), ""
     except (ValueError, OSError, MemoryError) as error:
         line = describe(error)
-        return "", line if any(str(name) in line for name in (shape, model, output)) else f"{shape}: {line}"
+        return "", line if any(
+            str(name) in line for name in (shape, model, output)
+        ) else f"{shape}: {line}"
 
 
 @functools.lru_cache(maxsize=1)
 def _style(model: str, device: str):
-    from ..render.style import load_style
+    from ..render.style_file import load_style
 
-    with stage("load the model"):
+    with timed("load the model"):
         return load_style(model, device=device)
 
 
 def _draw(model: str, options: dict, shape: str, output: str) -> str:
     style = _style(model, options["device"])
-    from ..svg.write import SvgOptions, png_from_svg, settled, write_svg, write_text
+    from ..svg.format import SvgOptions
+    from ..svg.write import png_from_svg, resolve_texture, write_svg, write_text
 
     views, written = Views(shape, options), []
     for suffix, view in views.turntable(options["turntable"]):
-        target = output if not suffix else str(Path(output).with_name(Path(output).stem + suffix + Path(output).suffix))
-        with stage("draw"):
+        target = (
+            output
+            if not suffix
+            else str(Path(output).with_name(Path(output).stem + suffix + Path(output).suffix))
+        )
+        with timed("draw"):
             drawing = style.draw(view, seed=options["seed"])
-        look = {"texture": options["texture"], "title": Path(shape).stem, "background": options["background"]}
+        look = {
+            "texture": options["texture"],
+            "title": Path(shape).stem,
+            "background": options["background"],
+        }
         if options["drawings"]:
-            with stage("write the SVG"):
+            with timed("write the SVG"):
                 file = {name: options[name] for name in FILE_OPTIONS if options[name] is not None}
-                made = SvgOptions(**{"description": f"Drawn by strokestyle {__version__}", **look, **file})
-                made = settled(drawing, made)
+                made = SvgOptions(
+                    **{"description": f"Drawn by strokestyle {__version__}", **look, **file}
+                )
+                made = resolve_texture(drawing, made)
                 text = write_svg(drawing, made)
                 if target == "-":
                     click.echo(text, nl=False)
@@ -799,13 +963,13 @@ def _draw(model: str, options: dict, shape: str, output: str) -> str:
             if options["png"]:
                 from ..files import write_bytes
 
-                with stage("preview"):
+                with timed("preview"):
                     preview = str(Path(target).with_suffix(".png"))
                     write_bytes(preview, png_from_svg(text, options["png_scale"]))
                     target += f", {preview}"
             written.append(target if made.plotter else f"{target} ({ENCODINGS[made.texture]})")
         if options["stages"]:
-            with stage("stages"):
+            with timed("stages"):
                 name = os.path.join(options["stages"], Path(shape).stem + suffix)
                 written.append(_write_stages(name, view, drawing, options["png_scale"], look))
     many = "" if len(written) < 4 else f" ... {written[-1]}"
@@ -816,9 +980,9 @@ def _draw(model: str, options: dict, shape: str, output: str) -> str:
 def _write_stages(name: str, view, drawing, scale: float, look: dict) -> str:
     """Write `name`-1-curves.svg and the rest; returns what to call them."""
     from ..files import write_bytes
-    from ..render.figure import stage_files, stages
+    from ..render.figure import figure_files, figure_steps
 
-    for part, data in stage_files(stages(view, drawing, **look), scale).items():
+    for part, data in figure_files(figure_steps(view, drawing, **look), scale).items():
         write_bytes(f"{name}-{part}", data)
     return f"{name}-sheet.png and its parts"
 
@@ -833,10 +997,14 @@ class Views:
         self.shape, self.options = shape, options
         given = [name for name in ("view", "fov", "up", "size") if options.get(name) is not None]
         if options.get("camera") and given:
-            raise click.UsageError(f"--camera already says where the eye stands: leave out --{', --'.join(given)}")
+            raise click.UsageError(
+                f"--camera already says where the eye stands: leave out --{', --'.join(given)}"
+            )
         self.saved = Path(shape).suffix.lower() in VIEW_SUFFIXES
         if options.get("hidden") and (self.saved or options.get("curves")):
-            raise click.UsageError("--hidden needs a mesh and its own curves, not a saved view or --curves")
+            raise click.UsageError(
+                "--hidden needs a mesh and its own curves, not a saved view or --curves"
+            )
         if self.saved:
             named = [name for name in LINE_OPTIONS + VIEW_OPTIONS if options.get(name) is not None]
             if named:
@@ -850,17 +1018,24 @@ class Views:
     def surface(self):
         from ..mesh.surface import load_surface
 
-        with stage("read the mesh"):
+        with timed("read the mesh"):
             return load_surface(self.shape)
 
     @functools.cached_property
     def scene(self):
-        from ..extract.rays import Scene
+        from ..extract.rays import Bvh
 
-        return Scene(self.surface)
+        return Bvh(self.surface)
 
     def camera(self, turn: float = 0.0):
-        from ..extract.camera import DEFAULT_FOV, DEFAULT_SIZE, Camera, fit_camera, parse_view, swept
+        from ..extract.camera import (
+            DEFAULT_FOV,
+            DEFAULT_SIZE,
+            Camera,
+            fit_camera,
+            parse_view,
+            swept,
+        )
 
         if self.options.get("camera"):
             return Camera.load(self.options["camera"]).turned(turn)
@@ -868,32 +1043,42 @@ class Views:
         width, height = self.options.get("size") or (DEFAULT_SIZE, DEFAULT_SIZE)
         fov, up = self.options.get("fov") or DEFAULT_FOV, self.options.get("up") or "y"
         vertices = self.surface.vertices
-        if self.options.get("turntable"):  # what fits however it is turned: the picture does not breathe
+        if self.options.get(
+            "turntable"
+        ):  # what fits however it is turned: the picture does not breathe
             vertices = swept(vertices, up)
         return fit_camera(vertices, f"{azimuth},{elevation}", fov, width, height, up).turned(turn)
 
     def view(self, turn: float = 0.0):
-        from ..extract import view as views
+        from ..extract.pipeline import extract_view, view_of_curves
+        from ..extract.view_file import load_view
+        from ..geometry.curves import DEFAULT_SPACING
 
         if self.saved:
-            return views.load_view(self.shape)
+            return load_view(self.shape)
         camera = self.camera(turn)
-        spacing = self.options.get("spacing") or views.DEFAULT_SPACING
+        spacing = self.options.get("spacing") or DEFAULT_SPACING
         if self.options.get("curves"):
-            from ..svg.read_curves import load_curves
+            from ..render.curve_file import load_curves
 
             curves = load_curves(self.options["curves"], (camera.width, camera.height))
-            with stage("feature maps"):
-                return views.view_of(self.surface, camera, curves, spacing, scene=self.scene)
+            with timed("feature maps"):
+                return view_of_curves(self.surface, camera, curves, spacing, scene=self.scene)
         surface, scene = self.surface, self.scene
-        with stage("curves and feature maps"):
+        with timed("curves and feature maps"):
             hidden = self.options.get("hidden", False)
-            return views.extract(surface, camera, self.line_options(), spacing, scene=scene, hidden=hidden)
+            return extract_view(
+                surface, camera, self.line_options(), spacing, scene=scene, hidden=hidden
+            )
 
     def line_options(self):
-        from ..extract.segments import LineOptions
+        from ..extract.line_options import LineOptions
 
-        given = {name: self.options[name] for name in LINE_OPTIONS[:-3] if self.options.get(name) is not None}
+        given = {
+            name: self.options[name]
+            for name in LINE_OPTIONS[:-3]
+            if self.options.get(name) is not None
+        }
         if "lines" in given:
             given["kinds"] = given.pop("lines")
         options = LineOptions(**given)
@@ -928,8 +1113,19 @@ FILE_OPTIONS = (
     "plotter",
     "inkscape_lpe",
 )
+
 ENCODINGS = {"vector": "grain as paths", "image": "texture as images", "none": "flat ink"}
-LINE_OPTIONS = ("lines", "crease", "suggestive", "ridge", "valley", "apparent", "detail", "spacing", "curves")
+LINE_OPTIONS = (
+    "lines",
+    "crease",
+    "suggestive",
+    "ridge",
+    "valley",
+    "apparent",
+    "detail",
+    "spacing",
+    "curves",
+)
 
 
 def _check_outputs(outputs, inputs) -> None:
@@ -946,7 +1142,7 @@ def _check_outputs(outputs, inputs) -> None:
 
 
 def _write_view(view, output: str, title: str) -> None:
-    from ..extract.view import save_view, view_to_json
+    from ..extract.view_file import save_view, view_to_json
     from ..files import write_bytes
     from ..svg.write import plain_svg, png_from_svg, write_text
 
@@ -960,9 +1156,14 @@ def _write_view(view, output: str, title: str) -> None:
     else:
         size = (view.camera.width, view.camera.height)
         paper = "#ffffff" if suffix == ".png" else None
-        (curves, parts), (hidden, hidden_parts) = view.pieces_by_part(), view.pieces_by_part(hidden=True)
+        (curves, parts), (hidden, hidden_parts) = (
+            view.pieces_by_part(),
+            view.pieces_by_part(hidden=True),
+        )
         page = {"title": title, "background": paper}
-        text = plain_svg(curves, size, hidden=hidden, parts=parts, hidden_parts=hidden_parts, **page)
+        text = plain_svg(
+            curves, size, hidden=hidden, parts=parts, hidden_parts=hidden_parts, **page
+        )
         if output == "-":
             click.echo(text, nl=False)
         elif suffix == ".png":
@@ -990,9 +1191,13 @@ def _count(curves) -> str:
     if not len(curves):
         return "no curves"
     kinds = ", ".join(
-        f"{name} {n}" for name, n in zip(KINDS, np.bincount(curves.kind, minlength=len(KINDS)), strict=True) if n
+        f"{name} {n}"
+        for name, n in zip(KINDS, np.bincount(curves.kind, minlength=len(KINDS)), strict=True)
+        if n
     )
-    return f"{len(curves)} curve{'s' * (len(curves) > 1)}, {curves.lengths().sum():.0f} px ({kinds})"
+    return (
+        f"{len(curves)} curve{'s' * (len(curves) > 1)}, {curves.lengths().sum():.0f} px ({kinds})"
+    )
 
 
 class Progress:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from ..geometry.bezier import fit_cubics
 from ..geometry.curves import counting
-from .strokes import Strokes, distinct, signed_distance
+from ..geometry.polygons import winding_number
+from .strokes import Strokes, merge_coincident_points, signed_distance
 
 FIT_STEP = 1.5  # px between the points of an outline that its cubics are fitted to
 MOST_PROBES = 6000  # of a stroke
 PROBE_STEP = 0.6  # px between the points at which a loop that was cut from an outline is looked at
-
 BESIDE = 0.02  # px beside the corners of an outline that was cut at which it is looked at too
 
 
@@ -57,7 +55,7 @@ def exact_rings(xy, radius, closed: bool, tolerance: float) -> list[tuple[np.nda
     -------
     list of (points (n, 2), corner (n,) bool), the last point joined to the first
     """
-    xy, radius = distinct(np.asarray(xy, np.float64), np.asarray(radius, np.float64))
+    xy, radius = merge_coincident_points(np.asarray(xy, np.float64), np.asarray(radius, np.float64))
     if closed and len(xy) > 3:
         if np.linalg.norm(xy[0] - xy[-1]) < 1e-6:
             radius[0] = max(radius[0], radius[-1])
@@ -81,14 +79,21 @@ def exact_rings(xy, radius, closed: bool, tolerance: float) -> list[tuple[np.nda
             neat = made
     rings = [(ring, hard) for ring, hard, _ in neat]
     if any(pivot.any() for _, _, pivot in made):
-        rings = [(ring, _hard_within(xy, radius, ring, hard, 5.0 * tolerance)) for ring, hard in rings]
+        rings = [
+            (ring, _hard_within(xy, radius, ring, hard, 5.0 * tolerance)) for ring, hard in rings
+        ]
     return [_evenly(*ring) for ring in rings]
 
 
 def _beside_corners(ring, hard):
     """Points (2 c, 2) a little within and without each corner of a ring: what is lost is at the tip of a notch."""
-    ahead, behind = np.roll(ring, -1, axis=0)[hard] - ring[hard], np.roll(ring, 1, axis=0)[hard] - ring[hard]
-    between = sum(d / np.maximum(np.hypot(d[:, 0], d[:, 1]), 1e-12)[:, None] for d in (ahead, behind))
+    ahead, behind = (
+        np.roll(ring, -1, axis=0)[hard] - ring[hard],
+        np.roll(ring, 1, axis=0)[hard] - ring[hard],
+    )
+    between = sum(
+        d / np.maximum(np.hypot(d[:, 0], d[:, 1]), 1e-12)[:, None] for d in (ahead, behind)
+    )
     between *= BESIDE / np.maximum(np.hypot(between[:, 0], between[:, 1]), 1e-12)[:, None]
     return np.concatenate([ring[hard] + between, ring[hard] - between])
 
@@ -98,39 +103,6 @@ def _hard_within(xy, radius, ring, hard, depth):
     there overlap by a hair at times, and must stay straight so as not to leave a slit."""
     deep = signed_distance(xy, radius, 0.5 * (ring + np.roll(ring, -1, axis=0))) < -depth
     return hard | deep | np.roll(deep, 1)
-
-
-def winding_number(
-    rings: np.ndarray,
-    points: np.ndarray,
-    offsets: np.ndarray | None = None,
-    spend: Callable[[int], None] = lambda pairs: None,
-) -> np.ndarray:
-    """How often closed polygons go round each of the points (M, 2), (M,) int.
-
-    Polygon i is rows offsets[i]:offsets[i+1] of `rings` (n, 2); without offsets, all rows are one polygon. `spend` is
-    told beforehand how many pairs of an edge and a point will be looked at, and may refuse.
-    """
-    offsets = np.array([0, len(rings)]) if offsets is None else offsets
-    after, some = np.arange(1, len(rings) + 1), np.flatnonzero(np.diff(offsets))
-    after[offsets[1:][some] - 1] = offsets[:-1][some]
-    (ax, ay), (bx, by) = rings.T, rings[after].T
-    order = np.argsort(points[:, 1], kind="stable")
-    x, y = points[order].T
-    low, high = np.minimum(ay, by), np.maximum(ay, by)
-    first = np.searchsorted(y, low)  # an edge is crossed by points as high as its lower end, but not its upper
-    count = np.searchsorted(y, high) - first
-    spend(int(count.sum()))
-    crossed = np.flatnonzero(count)
-    first, count = first[crossed], count[crossed]
-    dx, dy = (bx - ax)[crossed], (by - ay)[crossed]
-    at = counting(count) + np.repeat(first, count)
-    # where a point's level meets the edge: round a point that lies to the left of it, the edge turns
-    meets = np.repeat(ax[crossed], count) + (y[at] - np.repeat(ay[crossed], count)) * np.repeat(dx / dy, count)
-    turns = np.bincount(at, np.where(x[at] < meets, np.repeat(np.sign(dy), count), 0.0), len(points))
-    winding = np.empty(len(points), np.int64)
-    winding[order] = np.rint(turns).astype(np.int64)
-    return winding
 
 
 def _evenly(ring, hard):
@@ -151,7 +123,9 @@ def _evenly(ring, hard):
 
 
 def _disc(centre, radius, tolerance):
-    angle = np.linspace(0, -2 * np.pi, max(8, int(2 * np.pi / _chord_angle(radius, tolerance))), endpoint=False)
+    angle = np.linspace(
+        0, -2 * np.pi, max(8, int(2 * np.pi / _chord_angle(radius, tolerance))), endpoint=False
+    )
     ring = centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     if radius < 1e-6:
         ring = ring[:1]
@@ -177,13 +151,20 @@ def _offset_ring(p, r, turn, tolerance):
     lean = np.arcsin(np.clip((r[after] - r) / length, -1.0, 1.0))
     normal = heading + 0.5 * np.pi + lean
     m = np.stack([np.cos(normal), np.sin(normal)], axis=1)
-    start, end = p + r[:, None] * m, p[after] + r[after, None] * m  # of the offset of segment k, from vertex k on
+    start, end = (
+        p + r[:, None] * m,
+        p[after] + r[after, None] * m,
+    )  # of the offset of segment k, from vertex k on
     before = np.r_[n - 1, 0 : n - 1]
     bend = (heading - heading[before] + np.pi) % (2 * np.pi) - np.pi
-    if turn:  # there and back: what is a left turn one way is a right turn the other way, to the last bit
+    if (
+        turn
+    ):  # there and back: what is a left turn one way is a right turn the other way, to the last bit
         bend[[0, turn]] = -np.pi
         bend[turn + 1 :] = -bend[1:turn][::-1]
-    swing = bend + lean - lean[before]  # of the envelope's normal at vertex k; to the right = a join on the outside
+    swing = (
+        bend + lean - lean[before]
+    )  # of the envelope's normal at vertex k; to the right = a join on the outside
     # inside of a bend: the two offset segments are cut where they meet; where they do not, by way of the centre
     a, b = end[before], start
     u, w = a - start[before], end - b
@@ -202,7 +183,9 @@ def _offset_ring(p, r, turn, tolerance):
         meet[after[lost]] = False
     pivot = inside & ~meet
     arc = ~inside & (np.abs(swing) > 1e-9) & (r > tolerance)
-    steps = np.where(arc, np.ceil(np.abs(swing) / _chord_angle(r, tolerance)).astype(np.int64) + 1, 1)
+    steps = np.where(
+        arc, np.ceil(np.abs(swing) / _chord_angle(r, tolerance)).astype(np.int64) + 1, 1
+    )
     steps = np.where(pivot, 3, steps)
     steps = np.where(~inside & ~arc, 1, steps)
     vertex = np.repeat(np.arange(n), steps)
@@ -211,7 +194,11 @@ def _offset_ring(p, r, turn, tolerance):
     ring = p[vertex] + r[vertex, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     ring[meet[vertex]] = (start[before] + s[:, None] * u)[vertex[meet[vertex]]]
     at_pivot = pivot[vertex]
-    ring[at_pivot & (j == 0)], ring[at_pivot & (j == 1)], ring[at_pivot & (j == 2)] = a[pivot], p[pivot], b[pivot]
+    ring[at_pivot & (j == 0)], ring[at_pivot & (j == 1)], ring[at_pivot & (j == 2)] = (
+        a[pivot],
+        p[pivot],
+        b[pivot],
+    )
     hard = at_pivot | ((meet | (~inside & ~arc)) & (np.abs(swing) > 0.5))[vertex]
     # where one disc holds the next one the offset runs along the centre line, at right angles to both circles; rounded
     # corners there would part ways that must cancel each other within the stroke, and leave a slit
@@ -252,7 +239,9 @@ def _cut_loops(ring, hard, pivot, reach):
             hit = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
         if not hit.any():
             continue
-        far = np.where(hit, (along[first] - along[i])[:, None] + (along[j] - along[last])[None], np.inf)
+        far = np.where(
+            hit, (along[first] - along[i])[:, None] + (along[j] - along[last])[None], np.inf
+        )
         a, b = np.unravel_index(far.argmin(), far.shape)
         meeting = ring[i[a]] + s[a, b] * u[a]
         loop = np.concatenate([meeting[None], ring[i[a] + 1 : j[b] + 1]])

@@ -9,7 +9,14 @@ import numpy as np
 
 from ..geometry.curves import counting
 from .ribbon import Ribbon, ribbon, sample_strips
-from .strokes import Drawing, Strokes, cone_distance, distinct, paint_order, segments
+from .strokes import (
+    Drawing,
+    Strokes,
+    merge_coincident_points,
+    paint_order,
+    round_cone_distance,
+    stroke_segments,
+)
 
 BATCH = 5e5  # pixels looked at together: what fits into a cache
 
@@ -30,7 +37,10 @@ class Crop:
 
 def crop_of(xy: np.ndarray, reach: np.ndarray, size: tuple[int, int]) -> Crop:
     """The pixels within `reach` (n,) of the points (n, 2), cut to the canvas."""
-    low, high = np.floor((xy - reach[:, None]).min(axis=0)), np.ceil((xy + reach[:, None]).max(axis=0))
+    low, high = (
+        np.floor((xy - reach[:, None]).min(axis=0)),
+        np.ceil((xy + reach[:, None]).max(axis=0)),
+    )
     x0, y0 = np.clip(low, 0, size).astype(int)
     x1, y1 = np.clip(high, 0, size).astype(int)
     return Crop(int(x0), int(y0), int(max(x1 - x0, 0)), int(max(y1 - y0, 0)))
@@ -63,10 +73,15 @@ def _short_steps(xy, *fields):
     at = np.repeat(np.arange(len(step)), pieces)
     at = at + counting(pieces) / pieces[at]
     at, k = np.r_[at, len(step)], np.arange(len(xy))
-    return (np.stack([np.interp(at, k, c) for c in xy.T], axis=1), *(np.interp(at, k, f) for f in fields))
+    return (
+        np.stack([np.interp(at, k, c) for c in xy.T], axis=1),
+        *(np.interp(at, k, f) for f in fields),
+    )
 
 
-def coverage(strokes: Strokes, i: int, size: tuple[int, int], scale: float = 1.0) -> tuple[Crop, np.ndarray]:
+def coverage(
+    strokes: Strokes, i: int, size: tuple[int, int], scale: float = 1.0
+) -> tuple[Crop, np.ndarray]:
     """How much of each pixel stroke i covers, in [0, 1]: (crop, (h, w) float64)."""
     crop, pixel, distance, width = _pixel_distances(strokes, i, size, scale, 1.0)
     # the pixel's part within a band: what the near edge lets in less what the far edge shuts out
@@ -76,7 +91,9 @@ def coverage(strokes: Strokes, i: int, size: tuple[int, int], scale: float = 1.0
     return crop, cover.reshape(crop.h, crop.w)
 
 
-def distance_map(strokes: Strokes, i: int, size: tuple[int, int], reach: float) -> tuple[Crop, np.ndarray]:
+def distance_map(
+    strokes: Strokes, i: int, size: tuple[int, int], reach: float
+) -> tuple[Crop, np.ndarray]:
     """Signed distance of each pixel's centre to stroke i, px, negative inside: (crop, (h, w)); inf beyond `reach`."""
     crop, pixel, distance, _ = _pixel_distances(strokes, i, size, 1.0, reach)
     nearest = np.full(crop.w * crop.h, np.inf)
@@ -87,14 +104,18 @@ def distance_map(strokes: Strokes, i: int, size: tuple[int, int], reach: float) 
 def _pixel_distances(strokes, i, size, scale, reach):
     """Crop, and for every (segment, pixel) within reach: the pixel, its signed distance, the segment's width."""
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
-    xy, radius = distinct(strokes.xy[rows] * scale, 0.5 * strokes.thickness[rows] * scale)
+    xy, radius = merge_coincident_points(
+        strokes.xy[rows] * scale, 0.5 * strokes.thickness[rows] * scale
+    )
     if len(xy) == 1:
         xy, radius = np.concatenate([xy, xy + [[1e-6, 0.0]]]), np.r_[radius, radius]
     crop = crop_of(xy, radius + reach, size)
     xy, radius = _short_steps(xy, radius)
     k, pixel, at = _near_pairs(xy, radius + reach, crop)
-    length, direction, r0, slope = (value[k] for value in segments(xy, radius, np.arange(len(xy) - 1)))
-    distance = cone_distance(at - xy[k], length, direction, r0, slope)
+    length, direction, r0, slope = (
+        value[k] for value in stroke_segments(xy, radius, np.arange(len(xy) - 1))
+    )
+    distance = round_cone_distance(at - xy[k], length, direction, r0, slope)
     return crop, pixel, distance, 2.0 * np.maximum(r0, radius[k + 1])
 
 
@@ -144,12 +165,26 @@ def ribbon_coordinates(bands: list[Ribbon], crops: list[Crop]) -> RibbonPixels:
             cut = np.array([band.closed or a > 0, band.closed or b < len(xy) - 1], float)
             table = np.empty((b - a, 12))
             table[:, 0:2], table[:, 2:4] = xy[a:b], d[a:b]
-            table[:, 4], table[:, 5], table[:, 6] = half[a:b], half[a + 1 : b + 1], along[a:b] / band.length
+            table[:, 4], table[:, 5], table[:, 6] = (
+                half[a:b],
+                half[a + 1 : b + 1],
+                along[a:b] / band.length,
+            )
             table[:, 7] = along[a + 1 : b + 1] / band.length - table[:, 6]
-            table[:, 8], table[:, 9] = np.r_[cut[0], overhang[a : b - 1]], np.r_[overhang[a : b - 1], cut[1]]
+            table[:, 8], table[:, 9] = (
+                np.r_[cut[0], overhang[a : b - 1]],
+                np.r_[overhang[a : b - 1], cut[1]],
+            )
             table[:, 10], table[:, 11] = np.arange(b - a) == 0, np.arange(b - a) == b - a - 1
             pieces.append(table)
-            arms.append((number, k, cut, crop_of(xy[a : b + 1], half[a : b + 1], (crop.x0 + crop.w, crop.y0 + crop.h))))
+            arms.append(
+                (
+                    number,
+                    k,
+                    cut,
+                    crop_of(xy[a : b + 1], half[a : b + 1], (crop.x0 + crop.w, crop.y0 + crop.h)),
+                )
+            )
     table = np.concatenate(pieces) if pieces else np.zeros((0, 12))
     arm = np.repeat(np.arange(len(arms)), [len(piece) for piece in pieces])
     boxes = np.array([[c.x0, c.y0, c.w, c.h] for _, _, _, c in arms], np.int64).reshape(-1, 4)
@@ -158,9 +193,14 @@ def ribbon_coordinates(bands: list[Ribbon], crops: list[Crop]) -> RibbonPixels:
     direction = table[:, 2:4] / length[:, None]
     h0, h1 = table[:, 4], table[:, 5]
     wide = np.maximum(h0, h1)
-    k, x, y = _slabs(table[:, :2], direction, length, wide, table[:, 8:10] * wide[:, None], boxes[arm])
+    k, x, y = _slabs(
+        table[:, :2], direction, length, wide, table[:, 8:10] * wide[:, None], boxes[arm]
+    )
     px, py = x + 0.5 - table[k, 0], y + 0.5 - table[k, 1]
-    ahead, aside = px * direction[k, 0] + py * direction[k, 1], py * direction[k, 0] - px * direction[k, 1]
+    ahead, aside = (
+        px * direction[k, 0] + py * direction[k, 1],
+        py * direction[k, 0] - px * direction[k, 1],
+    )
     foot = np.clip(ahead, 0.0, length[k])
     distance = np.hypot(ahead - foot, aside)
     near = distance <= h0[k] + ((h1 - h0) / length)[k] * foot
@@ -168,7 +208,14 @@ def ribbon_coordinates(bands: list[Ribbon], crops: list[Crop]) -> RibbonPixels:
     owner = arm[k]
     near &= ~(before & ~cuts[owner, 0]) & ~(past & ~cuts[owner, 1])
     near = np.flatnonzero(near)
-    k, x, y, foot, distance, owner = k[near], x[near], y[near], foot[near], distance[near], owner[near]
+    k, x, y, foot, distance, owner = (
+        k[near],
+        x[near],
+        y[near],
+        foot[near],
+        distance[near],
+        owner[near],
+    )
     spare = (before | past)[near]
     # the closest point of each arm
     base = np.r_[0, np.cumsum(boxes[:, 2] * boxes[:, 3])]
@@ -193,8 +240,12 @@ def ribbon_coordinates(bands: list[Ribbon], crops: list[Crop]) -> RibbonPixels:
     pick, owner, mine, pixel = pick[keep], owner[keep], mine[keep], pixel[keep]
     k, foot = k[pick], foot[pick]
     part = foot / length[k]
-    side = (y[pick] + 0.5 - table[k, 1]) * direction[k, 0] - (x[pick] + 0.5 - table[k, 0]) * direction[k, 1]
-    v = np.where(side < 0, -distance[pick], distance[pick]) / np.maximum(h0[k] + (h1 - h0)[k] * part, 1e-9)
+    side = (y[pick] + 0.5 - table[k, 1]) * direction[k, 0] - (
+        x[pick] + 0.5 - table[k, 0]
+    ) * direction[k, 1]
+    v = np.where(side < 0, -distance[pick], distance[pick]) / np.maximum(
+        h0[k] + (h1 - h0)[k] * part, 1e-9
+    )
     place = np.array([a for _, a, _, _ in arms], np.int64)
     return RibbonPixels(mine, pixel, table[k, 6] + table[k, 7] * part, v, place[owner])
 
@@ -209,8 +260,12 @@ def _slabs(start, direction, length, half, overhang, box):
     middle = start + (0.5 * (length + overhang[:, 1] - overhang[:, 0]))[:, None] * direction
     dx, dy = direction.T
     tall = reach * np.abs(dy) + half * np.abs(dx)
-    top = np.clip(np.ceil(middle[:, 1] - tall - 0.5), box[:, 1], box[:, 1] + box[:, 3]).astype(np.int64)
-    end = np.clip(np.floor(middle[:, 1] + tall - 0.5) + 1, box[:, 1], box[:, 1] + box[:, 3]).astype(np.int64)
+    top = np.clip(np.ceil(middle[:, 1] - tall - 0.5), box[:, 1], box[:, 1] + box[:, 3]).astype(
+        np.int64
+    )
+    end = np.clip(np.floor(middle[:, 1] + tall - 0.5) + 1, box[:, 1], box[:, 1] + box[:, 3]).astype(
+        np.int64
+    )
     count = np.maximum(end - top, 0)
     k = np.repeat(np.arange(len(count)), count)
     y = counting(count) + top[k]
@@ -256,7 +311,11 @@ def textured_pixels(
     bands = [ribbon(drawing.strokes, i, strips.margin[i], scale) for i in index]
     crops = [crop_of(band.xy, band.half, size) for band in bands]
     work = np.array(
-        [crop.w * crop.h + 8 * band.length * band.half.max() for crop, band in zip(crops, bands, strict=True)] + [0.0]
+        [
+            crop.w * crop.h + 8 * band.length * band.half.max()
+            for crop, band in zip(crops, bands, strict=True)
+        ]
+        + [0.0]
     )
     batch = (np.cumsum(work) // BATCH)[:-1]
     for number in np.unique(batch):
@@ -305,7 +364,11 @@ def rasterise(
     order = paint_order(drawing, layers)
     painted = textured_pixels if texture and drawing.texture is not None else flat_pixels
     for crop, pixel, color in painted(drawing, order, scale):
-        at = pixel + crop.x0 if crop.w == width else pixel // max(crop.w, 1) * (width - crop.w) + pixel + crop.x0
+        at = (
+            pixel + crop.x0
+            if crop.w == width
+            else pixel // max(crop.w, 1) * (width - crop.w) + pixel + crop.x0
+        )
         at = at + crop.y0 * width
         canvas[at] = color + canvas[at] * (1.0 - color[:, 3:])
     canvas = canvas.reshape(height, width, 4)

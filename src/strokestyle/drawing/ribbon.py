@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import arc, blurred
-from .strokes import Strokes, distinct
+from .strokes import Strokes, merge_coincident_points
 
 STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
 NARROWING = 0.25  # px a px: the most by which a ribbon's half width falls along it
@@ -36,7 +36,7 @@ class Ribbon:
         return float(self.along[-1])
 
 
-def half_widths(strokes: Strokes, i: int, margin: float) -> np.ndarray:
+def slope_limited_half_widths(strokes: Strokes, i: int, margin: float) -> np.ndarray:
     """Pixels from the centre line to the edge of the ribbon at each point of stroke i, (n,).
 
     Half the thickness plus `margin`; but where a stroke narrows faster than NARROWING, as at a blunt end, the ribbon
@@ -47,7 +47,9 @@ def half_widths(strokes: Strokes, i: int, margin: float) -> np.ndarray:
     s = NARROWING * arc(xy)
     if strokes.closed[i]:
         half, s = np.tile(half, 3), np.concatenate([s - s[-1], s, s + s[-1]])
-    half = np.maximum(np.maximum.accumulate(half + s) - s, np.maximum.accumulate((half - s)[::-1])[::-1] + s)
+    half = np.maximum(
+        np.maximum.accumulate(half + s) - s, np.maximum.accumulate((half - s)[::-1])[::-1] + s
+    )
     return half[len(xy) : 2 * len(xy)] + margin if strokes.closed[i] else half + margin
 
 
@@ -58,7 +60,9 @@ def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbo
     half width.
     """
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
-    xy, half = distinct(strokes.xy[rows], half_widths(strokes, i, margin))
+    xy, half = merge_coincident_points(
+        strokes.xy[rows], slope_limited_half_widths(strokes, i, margin)
+    )
     closed = bool(strokes.closed[i]) and len(xy) > 3
     if len(xy) > 2:
         xy, half = _stiffened(xy, half, closed)
@@ -119,7 +123,10 @@ def strip_points(band: Ribbon, rows: int, columns: int) -> np.ndarray:
     centre = np.stack([np.interp(u, band.along, band.xy[:, k]) for k in (0, 1)], axis=1)
     v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
     across = v[None] * np.interp(u, band.along, band.half)[:, None]
-    return centre[:, None] + across[..., None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[:, None]
+    return (
+        centre[:, None]
+        + across[..., None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[:, None]
+    )
 
 
 def strip_stretch(band: Ribbon, rows: int, columns: int) -> np.ndarray:
@@ -135,7 +142,12 @@ def strip_stretch(band: Ribbon, rows: int, columns: int) -> np.ndarray:
 
 
 def sample_strips(
-    texels: np.ndarray, offsets: np.ndarray, strip: np.ndarray, u: np.ndarray, v: np.ndarray, wraps: np.ndarray
+    texels: np.ndarray,
+    offsets: np.ndarray,
+    strip: np.ndarray,
+    u: np.ndarray,
+    v: np.ndarray,
+    wraps: np.ndarray,
 ) -> np.ndarray:
     """Bilinear look-up in strips, texels (T, A, 4) float premultiplied, at u in [0, 1] and v in [-1, 1]: (M, 4).
 

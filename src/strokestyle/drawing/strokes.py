@@ -7,8 +7,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..geometry.curves import KINDS, check_offsets
+from ..geometry.curves import KINDS, arc_length, check_offsets
 from ..geometry.parts import Parts
+
+
+def lengths(drawing: Drawing) -> np.ndarray:
+    """Arc length of each stroke, (C,) px."""
+    strokes = drawing.strokes
+    return (
+        arc_length(strokes.xy, strokes.offsets)[strokes.offsets[1:] - 1]
+        if len(strokes)
+        else np.zeros(0)
+    )
+
 
 MAX_MARGIN = 1000.0  # px
 
@@ -45,7 +56,9 @@ class Strokes:
         if xy.ndim != 2 or xy.shape[1] != 2:
             raise ValueError(f"Strokes.xy must have shape (N, 2), got {xy.shape}")
         if thickness.shape != (len(xy),):
-            raise ValueError(f"Strokes.thickness must have shape ({len(xy)},), got {thickness.shape}")
+            raise ValueError(
+                f"Strokes.thickness must have shape ({len(xy)},), got {thickness.shape}"
+            )
         if not (np.isfinite(xy).all() and np.isfinite(thickness).all()):
             raise ValueError("Strokes holds values that are not finite")
         if len(thickness) and thickness.min() < 0:
@@ -59,7 +72,9 @@ class Strokes:
         if count and not (0 <= kind.min() and kind.max() < len(KINDS)):
             raise ValueError(f"Strokes.kind must lie in 0..{len(KINDS) - 1}")
         for name, value in zip(
-            ("xy", "thickness", "offsets", "kind", "closed"), (xy, thickness, offsets, kind, closed), strict=True
+            ("xy", "thickness", "offsets", "kind", "closed"),
+            (xy, thickness, offsets, kind, closed),
+            strict=True,
         ):
             object.__setattr__(self, name, value)
 
@@ -90,14 +105,20 @@ class Texture:
     def __post_init__(self):
         rgba, offsets = np.asarray(self.rgba), np.asarray(self.offsets, np.int64)
         if rgba.ndim != 3 or rgba.shape[2] != 4 or rgba.dtype != np.uint8 or rgba.shape[1] < 1:
-            raise ValueError(f"Texture.rgba must be uint8 of shape (T, A, 4), got {rgba.dtype} {rgba.shape}")
+            raise ValueError(
+                f"Texture.rgba must be uint8 of shape (T, A, 4), got {rgba.dtype} {rgba.shape}"
+            )
         check_offsets(offsets, len(rgba), 1, "Texture")
         margin = np.asarray(self.margin, np.float64)
         if margin.shape not in ((), (len(offsets) - 1,)):
-            raise ValueError(f"Texture.margin must have shape ({len(offsets) - 1},), got {margin.shape}")
+            raise ValueError(
+                f"Texture.margin must have shape ({len(offsets) - 1},), got {margin.shape}"
+            )
         if not ((margin >= 0) & (margin <= MAX_MARGIN)).all():
             worst = margin.flat[np.abs(margin - 0.5 * MAX_MARGIN).argmax()]
-            raise ValueError(f"Texture.margin must lie between 0 and {MAX_MARGIN:g} px, got {worst:g}")
+            raise ValueError(
+                f"Texture.margin must lie between 0 and {MAX_MARGIN:g} px, got {worst:g}"
+            )
         object.__setattr__(self, "rgba", rgba)
         object.__setattr__(self, "offsets", offsets)
         object.__setattr__(self, "margin", np.broadcast_to(margin, (len(offsets) - 1,)))
@@ -128,7 +149,9 @@ class Drawing:
     def __post_init__(self):
         color = np.asarray(self.color, np.float64)
         if color.shape != (len(self.strokes), 4):
-            raise ValueError(f"Drawing.color must have shape ({len(self.strokes)}, 4), got {color.shape}")
+            raise ValueError(
+                f"Drawing.color must have shape ({len(self.strokes)}, 4), got {color.shape}"
+            )
         if color.size and not (np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1):
             raise ValueError("Drawing.color must lie between 0 and 1")
         if self.texture is not None and len(self.texture.offsets) != len(self.strokes) + 1:
@@ -136,7 +159,9 @@ class Drawing:
                 f"Drawing.texture has {len(self.texture.offsets) - 1} strips for {len(self.strokes)} strokes"
             )
         if self.parts is not None and len(self.parts) != len(self.strokes):
-            raise ValueError(f"Drawing.parts must name the part of {len(self.strokes)} strokes, not {len(self.parts)}")
+            raise ValueError(
+                f"Drawing.parts must name the part of {len(self.strokes)} strokes, not {len(self.parts)}"
+            )
         object.__setattr__(self, "color", color)
         object.__setattr__(self, "size", (int(self.size[0]), int(self.size[1])))
 
@@ -147,7 +172,9 @@ class Drawing:
         parts = [strokes.xy[rows], strokes.thickness[rows], self.color[i]]
         if texture is not None:
             parts += [texture.rgba[texture.offsets[i] : texture.offsets[i + 1]], texture.margin[i]]
-        made = hashlib.blake2b(repr((int(strokes.kind[i]), bool(strokes.closed[i]))).encode(), digest_size=16)
+        made = hashlib.blake2b(
+            repr((int(strokes.kind[i]), bool(strokes.closed[i]))).encode(), digest_size=16
+        )
         for part in parts:
             made.update(repr(part.shape).encode() + np.ascontiguousarray(part).tobytes())
         return made.digest()
@@ -164,7 +191,7 @@ def paint_order(drawing: Drawing, layers: str = "kind") -> np.ndarray:
     return np.lexsort((kind, part) if layers == "part" else (part, kind))
 
 
-def distinct(xy: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def merge_coincident_points(xy: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A centre line (n, 2) and its radii (n,) without points that coincide; the widest of each heap stays."""
     step = np.linalg.norm(np.diff(xy, axis=0), axis=1)
     heap = np.r_[0, np.cumsum(step > 1e-6)]
@@ -179,7 +206,7 @@ def signed_distance(xy: np.ndarray, radius: np.ndarray, points: np.ndarray) -> n
     A stroke is the union of the discs along its centre line, radius linear along each segment; a segment is then a
     round cone, the convex hull of its two end discs. The reference: all points against all segments.
     """
-    xy, radius = distinct(np.asarray(xy, np.float64), np.asarray(radius, np.float64))
+    xy, radius = merge_coincident_points(np.asarray(xy, np.float64), np.asarray(radius, np.float64))
     if len(xy) == 1:
         return np.linalg.norm(points - xy[0], axis=1) - radius[0]
     nearest = np.full(len(points), np.inf)
@@ -187,18 +214,20 @@ def signed_distance(xy: np.ndarray, radius: np.ndarray, points: np.ndarray) -> n
     index = np.arange(len(xy) - 1)
     for a in range(0, len(points), block):
         rel = points[a : a + block, None] - xy[None, :-1]
-        nearest[a : a + block] = cone_distance(rel, *segments(xy, radius, index)).min(axis=1)
+        nearest[a : a + block] = round_cone_distance(rel, *stroke_segments(xy, radius, index)).min(
+            axis=1
+        )
     return nearest
 
 
-def segments(xy, radius, k):
+def stroke_segments(xy, radius, k):
     """Length, direction, first radius and slope of the radius of the segments k."""
     d = xy[k + 1] - xy[k]
     length = np.hypot(d[..., 0], d[..., 1])
     return length, d / length[..., None], radius[k], (radius[k] - radius[k + 1]) / length
 
 
-def cone_distance(rel, length, direction, radius, slope):
+def round_cone_distance(rel, length, direction, radius, slope):
     """Signed distance to round cones from points `rel` (..., 2) relative to the cones' first centres.
 
     The distance to the disc at s along the axis, sqrt((x - s)^2 + y^2) - radius + slope s, is convex in s and

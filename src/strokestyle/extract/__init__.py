@@ -1,0 +1,1 @@
+"""Surface + Camera -> View: lines found, hidden parts cut away, tidied; feature maps."""

@@ -16,6 +16,7 @@ NAMED_VIEWS = {
     "back": (180.0, 0.0),
     "top": (0.0, 89.0),
 }
+
 DEFAULT_FOV = 30.0
 DEFAULT_SIZE = 768
 MARGIN = 0.08  # of the canvas, left free on each side of a fitted shape
@@ -51,7 +52,9 @@ class Camera:
             except (TypeError, ValueError):
                 value = np.zeros(0)
             if value.shape != (3,) or not np.isfinite(value).all():
-                raise ValueError(f"camera {name} must be three finite numbers, got {getattr(self, name)!r}")
+                raise ValueError(
+                    f"camera {name} must be three finite numbers, got {getattr(self, name)!r}"
+                )
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         if not 1.0 <= float(self.fov_y) <= 150.0:
@@ -59,7 +62,9 @@ class Camera:
         for name in ("width", "height"):
             value = getattr(self, name)
             if int(value) != value or not 16 <= value <= 16384:
-                raise ValueError(f"camera {name} must be a whole number of pixels from 16 to 16384, got {value}")
+                raise ValueError(
+                    f"camera {name} must be a whole number of pixels from 16 to 16384, got {value}"
+                )
             object.__setattr__(self, name, int(value))
         object.__setattr__(self, "fov_y", float(self.fov_y))
         forward = self.target - self.eye
@@ -91,7 +96,9 @@ class Camera:
         rel = np.asarray(points, np.float64) - self.eye
         depth = rel @ forward
         scale = self.focal / np.where(np.abs(depth) < 1e-12, 1e-12, depth)
-        xy = np.stack([rel @ right * scale + 0.5 * self.width, rel @ down * scale + 0.5 * self.height], axis=1)
+        xy = np.stack(
+            [rel @ right * scale + 0.5 * self.width, rel @ down * scale + 0.5 * self.height], axis=1
+        )
         return xy, depth
 
     def rays(self, xy: np.ndarray) -> np.ndarray:
@@ -99,7 +106,9 @@ class Camera:
         right, down, forward = self.axes
         xy = np.asarray(xy, np.float64)
         direction = (
-            (xy[:, :1] - 0.5 * self.width) * right + (xy[:, 1:] - 0.5 * self.height) * down + self.focal * forward
+            (xy[:, :1] - 0.5 * self.width) * right
+            + (xy[:, 1:] - 0.5 * self.height) * down
+            + self.focal * forward
         )
         return direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
@@ -114,7 +123,9 @@ class Camera:
             return self
         a, k = np.radians(degrees), self.up / np.linalg.norm(self.up)
         r = self.eye - self.target
-        r = r * np.cos(a) + np.cross(k, r) * np.sin(a) + k * (k @ r) * (1.0 - np.cos(a))  # Rodrigues
+        r = (
+            r * np.cos(a) + np.cross(k, r) * np.sin(a) + k * (k @ r) * (1.0 - np.cos(a))
+        )  # Rodrigues
         return Camera(self.target + r, self.target, self.up, self.fov_y, self.width, self.height)
 
     def to_dict(self) -> dict:
@@ -130,13 +141,24 @@ class Camera:
     def from_dict(cls, data: dict, where: str = "camera") -> Camera:
         """Raises ValueError, naming `where`, on a missing or malformed entry."""
         if not isinstance(data, dict):
-            raise ValueError(f"{where}: expected a JSON object with eye, target, up, fov_y_deg and size")
+            raise ValueError(
+                f"{where}: expected a JSON object with eye, target, up, fov_y_deg and size"
+            )
         missing = [key for key in ("eye", "target", "fov_y_deg", "size") if key not in data]
         if missing:
-            raise ValueError(f"{where}: no {', '.join(missing)} in it; a camera needs eye, target, fov_y_deg and size")
+            raise ValueError(
+                f"{where}: no {', '.join(missing)} in it; a camera needs eye, target, fov_y_deg and size"
+            )
         try:
             width, height = data["size"]
-            return cls(data["eye"], data["target"], data.get("up", [0, 1, 0]), data["fov_y_deg"], width, height)
+            return cls(
+                data["eye"],
+                data["target"],
+                data.get("up", [0, 1, 0]),
+                data["fov_y_deg"],
+                width,
+                height,
+            )
         except (TypeError, ValueError) as error:
             raise ValueError(f"{where}: {error}") from None
 
@@ -182,7 +204,13 @@ def fit_camera(
     The shape's picture is centred, so target is the point of the axis through that centre, not the centroid.
     """
     azimuth, elevation = np.radians(parse_view(view))
-    out = np.array([np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)])
+    out = np.array(
+        [
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+            np.cos(elevation) * np.cos(azimuth),
+        ]
+    )
     up_axis = np.array([0.0, 1.0, 0.0])
     if up == "z":
         out, up_axis = np.array([out[0], -out[2], out[1]]), np.array([0.0, 0.0, 1.0])

@@ -10,7 +10,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 TOUCH = 1e-6  # of the longest side: corners nearer than this to a face's plane lie in it
-LEAST_ANGLE = 0.02  # sine of the angle between two faces; below it they lie on each other, and cross anywhere
+LEAST_ANGLE = (
+    0.02  # sine of the angle between two faces; below it they lie on each other, and cross anywhere
+)
 MOST = 4  # crossings per face
 CHUNK = 1 << 18  # pairs looked at together: bounds memory however many boxes overlap
 
@@ -47,7 +49,9 @@ def crossings(vertices: np.ndarray, faces: np.ndarray, group: np.ndarray) -> Cro
     MOST crossings per face, the mesh is a heap of faces and no shape made of parts: none is returned.
     """
     if not np.ptp(group):
-        return Crossings(np.zeros((0, 2), np.int64), np.zeros((0, 2, 3)), np.zeros((0, 2), np.int64))
+        return Crossings(
+            np.zeros((0, 2), np.int64), np.zeros((0, 2, 3)), np.zeros((0, 2), np.int64)
+        )
     corner = vertices[faces]
     found, count = [], 0
     for pairs in overlapping_boxes(corner.min(axis=1), corner.max(axis=1), group):
@@ -87,7 +91,9 @@ def overlapping_boxes(low: np.ndarray, high: np.ndarray, group: np.ndarray):
     pad = (0, (1 << depth) - count)
     levels = [
         (
-            np.pad(low[order], (pad, (0, 0)), constant_values=np.inf),  # a box of nothing overlaps nothing
+            np.pad(
+                low[order], (pad, (0, 0)), constant_values=np.inf
+            ),  # a box of nothing overlaps nothing
             np.pad(high[order], (pad, (0, 0)), constant_values=-np.inf),
             np.pad(group[order], pad, constant_values=group.max()),
             np.pad(group[order], pad, constant_values=group.min()),
@@ -124,7 +130,12 @@ def _morton(points: np.ndarray) -> np.ndarray:
     start = points.min(axis=0)
     size = max(float((points - start).max()), 1e-300)
     cell = ((points - start) / size * 1023.0).astype(np.int64)
-    for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):  # two zeros between bits
+    for shift, mask in (
+        (16, 0x30000FF),
+        (8, 0x300F00F),
+        (4, 0x30C30C3),
+        (2, 0x9249249),
+    ):  # two zeros between bits
         cell = (cell | (cell << shift)) & mask
     return cell[:, 0] | cell[:, 1] << 1 | cell[:, 2] << 2
 
@@ -136,7 +147,10 @@ def _cross(corner: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarra
     1997). Corners in the other's plane count as above it, everywhere alike.
     """
     height = []
-    for this, other in ((0, 1), (1, 0)):  # of each face's corners above the other's plane; few pairs pass
+    for this, other in (
+        (0, 1),
+        (1, 0),
+    ):  # of each face's corners above the other's plane; few pairs pass
         normal, origin = _plane(corner[pairs[:, other]])
         above = np.einsum("pik,pk->pi", corner[pairs[:, this]] - origin[:, None], normal)
         above[np.abs(above) < TOUCH] = 0.0
@@ -149,7 +163,9 @@ def _cross(corner: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
     row = np.arange(len(pairs))[:, None]
     ends = []
-    for i in range(2):  # where each face meets the other's plane: on the two sides at the corner that is alone
+    for i in range(
+        2
+    ):  # where each face meets the other's plane: on the two sides at the corner that is alone
         p, h = corner[pairs[:, i]], height[i]
         up = h >= 0.0
         odd = np.argmax(up == (up.sum(axis=1) == 1)[:, None], axis=1)[:, None]
@@ -159,7 +175,9 @@ def _cross(corner: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarra
     points = np.stack(ends, axis=1)  # (P, 2 faces, 2 ends, 3)
     along = np.einsum("pfek,pk->pfe", points, line)
     first, last = along.argmin(axis=2), along.argmax(axis=2)
-    start = along.min(axis=2).argmax(axis=1)  # the face whose interval begins later, and the one whose ends earlier
+    start = along.min(axis=2).argmax(
+        axis=1
+    )  # the face whose interval begins later, and the one whose ends earlier
     stop = along.max(axis=2).argmin(axis=1)
     row = row[:, 0]
     begin, end = first[row, start], last[row, stop]

@@ -9,6 +9,7 @@ from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 
 MAX_ROUNDS = 12  # re-traces past ignored hits; what is still open then counts as hidden
+
 # In mean edges of the face that a point lies on. On contours of 8 scans and bodies, against the same meshes made smooth
 # (curved point-normal triangles): lift 0.05 loses 3 % of what is seen, 0.1 with NEAR 0.4 %; 0.15 shows 2 % too much.
 LIFT = 0.1  # along the normal, of the points of smooth lines
@@ -31,7 +32,7 @@ class Hits:
     distance: np.ndarray
 
 
-class Scene:
+class Bvh:
     """One bounding volume hierarchy over a surface, and the two questions it answers.
 
     Parameters
@@ -45,7 +46,11 @@ class Scene:
         self.faces = np.asarray(surface.faces, np.int64)
         self.normals = np.asarray(surface.normals, np.float64)
         # embree works in float32: bring every mesh to the same place and size
-        low, high = (self.vertices.min(axis=0), self.vertices.max(axis=0)) if len(self.vertices) else (0.0, 1.0)
+        low, high = (
+            (self.vertices.min(axis=0), self.vertices.max(axis=0))
+            if len(self.vertices)
+            else (0.0, 1.0)
+        )
         self._centre, self._scale = 0.5 * (low + high), 1.0 / max(float(np.max(high - low)), 1e-300)
         component = getattr(surface, "component", None)
         self.component = component if component is not None and np.ptp(component) else None
@@ -66,8 +71,15 @@ class Scene:
         """First hits of rays (N, 3) in embree's own units; distances are in lengths of the directions."""
         if not len(origins) or not len(self.faces):
             nothing = np.zeros(len(origins), np.float32)
-            return {"primID": np.full(len(origins), -1), "tfar": nothing, "u": nothing, "v": nothing}
-        return self._embree.run(origins, np.ascontiguousarray(directions, dtype=np.float32), output=1)
+            return {
+                "primID": np.full(len(origins), -1),
+                "tfar": nothing,
+                "u": nothing,
+                "v": nothing,
+            }
+        return self._embree.run(
+            origins, np.ascontiguousarray(directions, dtype=np.float32), output=1
+        )
 
     def first_hit(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
         """What rays hit first. Origins (3,) or (N, 3), directions (N, 3) of any length."""
@@ -76,12 +88,16 @@ class Scene:
         found = self._run(np.ascontiguousarray(origins), directions)
         face = found["primID"].astype(np.int64)
         miss = face < 0
-        bary = np.stack([1.0 - found["u"] - found["v"], found["u"], found["v"]], axis=1).astype(np.float64)
+        bary = np.stack([1.0 - found["u"] - found["v"], found["u"], found["v"]], axis=1).astype(
+            np.float64
+        )
         bary[miss] = 0.0
         length = np.sqrt(np.einsum("ij,ij->i", directions, directions))
         return Hits(face, bary, np.where(miss, np.inf, found["tfar"]) * (length / self._scale))
 
-    def seen(self, eye: np.ndarray, face: np.ndarray, position: np.ndarray, sharp: np.ndarray) -> np.ndarray:
+    def seen(
+        self, eye: np.ndarray, face: np.ndarray, position: np.ndarray, sharp: np.ndarray
+    ) -> np.ndarray:
         """Is a point of a line on the surface seen from the eye?
 
         A contour lies where the mesh folds away from the eye, so that about half of it is hidden, by a hair, by its own
@@ -109,10 +125,14 @@ class Scene:
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
 
         def near_itself(k, hit, gap):
-            touches = (self.faces[hit][:, :, None] == self.faces[face[k]][:, None, :]).any(axis=(1, 2))
+            touches = (self.faces[hit][:, :, None] == self.faces[face[k]][:, None, :]).any(
+                axis=(1, 2)
+            )
             return ~sharp[k] & touches & (gap < NEAR * edge[k] * self._scale)
 
-        result = self._reached(eye, position + normal * np.where(sharp, 0.0, LIFT * edge)[:, None], near_itself)
+        result = self._reached(
+            eye, position + normal * np.where(sharp, 0.0, LIFT * edge)[:, None], near_itself
+        )
         if self.component is not None:
             # another body's skin may lie within the lift: cloth over skin, a coin sunk in its rim. Facets lie below the
             # smooth surface by their sag, edge^2 / 8 radius: from there, even a body of the same shape would hide it
@@ -122,7 +142,9 @@ class Scene:
             sag = np.minimum(spread / 8.0, LIFT) * edge[lifted]
             own = self.component[face[lifted]]
             target = position[lifted] + normal[lifted] * sag[:, None]
-            result[lifted] = self._reached(eye, target, lambda k, hit, gap: self.component[hit] == own[k])
+            result[lifted] = self._reached(
+                eye, target, lambda k, hit, gap: self.component[hit] == own[k]
+            )
         return result
 
     def _reached(self, eye: np.ndarray, target: np.ndarray, ignore) -> np.ndarray:

@@ -19,6 +19,7 @@ STEP = 1.0  # px between points while at work, and in the result
 HAIRPIN = 110.0  # degrees: a line that turns back on itself is two lines
 SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")
 _SOFT = np.array([kind in SOFT_KINDS for kind in KINDS])
+
 # How much of a soft line's length counts when two of different kinds compete for one place.
 _WEIGHT = np.array([1.0, 1.0, 2.0, 1.3, 1.0, 1.0, 0.7, 1.0, 1.0])
 _CREASE, _SUGGESTIVE = KINDS.index("crease"), KINDS.index("suggestive")
@@ -84,12 +85,18 @@ class _Lines:
         return arc_length(self.xy, self.offsets)[self.last]
 
     def mean_strength(self) -> np.ndarray:
-        return np.add.reduceat(self.strength, self.first) / np.diff(self.offsets) if len(self) else np.zeros(0)
+        return (
+            np.add.reduceat(self.strength, self.first) / np.diff(self.offsets)
+            if len(self)
+            else np.zeros(0)
+        )
 
     def take(self, index) -> _Lines:
         index = np.arange(len(self))[np.asarray(index)]
         rows, offsets = take_ragged(self.offsets, index)
-        return _Lines(self.xy[rows], self.strength[rows], offsets, self.kind[index], self.closed[index])
+        return _Lines(
+            self.xy[rows], self.strength[rows], offsets, self.kind[index], self.closed[index]
+        )
 
     def runs(self, keep: np.ndarray) -> _Lines:
         """The stretches of kept points (N,), as curves; single points are lost. Closed curves open where cut."""
@@ -99,11 +106,20 @@ class _Lines:
         rows = good[run]
         whole = count == np.diff(self.offsets)[of]
         offsets = np.r_[0, np.cumsum(count[good])]
-        return _Lines(self.xy[rows], self.strength[rows], offsets, self.kind[of[good]], (self.closed[of] & whole)[good])
+        return _Lines(
+            self.xy[rows],
+            self.strength[rows],
+            offsets,
+            self.kind[of[good]],
+            (self.closed[of] & whole)[good],
+        )
 
 
 def tidy(
-    fragments: Curves, strength: np.ndarray, size: tuple[int, int] = (768, 768), options: TidyOptions | None = None
+    fragments: Curves,
+    strength: np.ndarray,
+    size: tuple[int, int] = (768, 768),
+    options: TidyOptions | None = None,
 ) -> Curves:
     """The strokes that an illustrator would start from, out of visible pieces of feature lines.
 
@@ -151,11 +167,15 @@ def tidy(
     options = options or TidyOptions()
     strength = np.asarray(strength, np.float64)
     if strength.shape != (len(fragments.xy),) or not np.isfinite(strength).all():
-        raise ValueError(f"strength must be {len(fragments.xy)} finite numbers, one per point, got {strength.shape}")
+        raise ValueError(
+            f"strength must be {len(fragments.xy)} finite numbers, one per point, got {strength.shape}"
+        )
     if min(size) <= 0:
         raise ValueError(f"the canvas must have a size, got {size[0]} x {size[1]}")
     scale = max(size) / REFERENCE
-    lines = _even(fragments.xy / scale, strength, fragments.offsets, fragments.kind, fragments.closed)
+    lines = _even(
+        fragments.xy / scale, strength, fragments.offsets, fragments.kind, fragments.closed
+    )
     lines = _split(lines, HAIRPIN, reach=3, apart=2, steady=False)
     lines = _join(lines, options, near=True)
     lines = _merge(lines, options)
@@ -173,7 +193,7 @@ def tidy(
     return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed)
 
 
-def beside_none(curves: Curves, others: Curves, size: tuple[int, int] = (768, 768)) -> Curves:
+def subtract_parallel(curves: Curves, others: Curves, size: tuple[int, int] = (768, 768)) -> Curves:
     """Curves without the parts that run along one of `others`: within 2.5 px of it and 25 degrees of its direction.
 
     Gaps and remains of less than 6 px are closed and dropped. Lengths are those of a 768 px canvas.
@@ -181,7 +201,10 @@ def beside_none(curves: Curves, others: Curves, size: tuple[int, int] = (768, 76
     scale, options = max(size) / REFERENCE, TidyOptions()
     if not len(curves) or not len(others):
         return curves
-    lines, drawn = (_even(c.xy / scale, np.ones(len(c.xy)), c.offsets, c.kind, c.closed) for c in (curves, others))
+    lines, drawn = (
+        _even(c.xy / scale, np.ones(len(c.xy)), c.offsets, c.kind, c.closed)
+        for c in (curves, others)
+    )
     if len(lines) and len(drawn):
         distance, nearest = cKDTree(drawn.xy).query(lines.xy, distance_upper_bound=options.merge)
         near = distance < np.inf
@@ -197,11 +220,15 @@ def beside_none(curves: Curves, others: Curves, size: tuple[int, int] = (768, 76
 def _even(xy, strength, offsets, kind, closed) -> _Lines:
     """Points every STEP px; curves of no length are left out."""
     xy, offsets, (strength,) = resample(xy, offsets, STEP, strength)
-    lines = _Lines(xy, np.clip(strength, 0.0, 1.0), offsets, np.asarray(kind), np.asarray(closed, bool))
+    lines = _Lines(
+        xy, np.clip(strength, 0.0, 1.0), offsets, np.asarray(kind), np.asarray(closed, bool)
+    )
     return lines.take(lines.lengths() > 1e-6) if len(lines) else lines
 
 
-def _runs(flag: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _runs(
+    flag: np.ndarray, offsets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Stretches of equal `flag` (N,) that stay within one curve: run of each point (N,), then start, count and flag
     of each run (R,)."""
     if not len(flag):
@@ -224,7 +251,10 @@ def _chords(lines: _Lines, reach: int) -> np.ndarray:
     """Direction (N, 2) of the chord from `reach` points before to `reach` points after, less near the ends."""
     at = np.arange(len(lines.xy))
     of = owner(lines.offsets)
-    d = lines.xy[np.minimum(at + reach, lines.last[of])] - lines.xy[np.maximum(at - reach, lines.first[of])]
+    d = (
+        lines.xy[np.minimum(at + reach, lines.last[of])]
+        - lines.xy[np.maximum(at - reach, lines.first[of])]
+    )
     return d / np.maximum(np.linalg.norm(d, axis=1), 1e-9)[:, None]
 
 
@@ -257,12 +287,17 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
     cosine = np.abs(np.einsum("ij,ij->i", direction[winner], direction[loser]))
     between = lines.xy[winner] - lines.xy[loser]
     distance = np.linalg.norm(between, axis=1)
-    abreast = np.abs(np.einsum("ij,ij->i", between, direction[winner])) < 1.5 * STEP  # not ahead of a tip
+    abreast = (
+        np.abs(np.einsum("ij,ij->i", between, direction[winner])) < 1.5 * STEP
+    )  # not ahead of a tip
     limit = np.where(contour[of[winner]], options.merge_contour, options.merge_soft)
     same_form = (suggestive[of[winner]] != suggestive[of[loser]]) & ~contour[of[winner]]
     limit = np.where(same_form, np.maximum(limit, options.merge_suggestive), limit)
     near = distance <= np.where(soft[of[loser]], limit, options.merge)
-    angle = np.where(distance > options.merge_soft, np.where(same_form, 0.7, 0.4), 1.0) * options.merge_angle
+    angle = (
+        np.where(distance > options.merge_soft, np.where(same_form, 0.7, 0.4), 1.0)
+        * options.merge_angle
+    )
     beside = near & abreast & (cosine > np.cos(np.radians(angle)))
     winner, loser = winner[beside], loser[beside]
 
@@ -313,7 +348,10 @@ def _join(lines: _Lines, options: TidyOptions, near: bool) -> _Lines:
     ca, cb = curve[a], curve[b]
     bridge = tip[b] - tip[a]
     gap = np.linalg.norm(bridge, axis=1)
-    along_a, along_b = np.einsum("ij,ij->i", bridge, heading[a]), -np.einsum("ij,ij->i", bridge, heading[b])
+    along_a, along_b = (
+        np.einsum("ij,ij->i", bridge, heading[a]),
+        -np.einsum("ij,ij->i", bridge, heading[b]),
+    )
     side_a = np.sqrt(np.maximum(gap**2 - along_a**2, 0.0))
     side_b = np.sqrt(np.maximum(gap**2 - along_b**2, 0.0))
     bend = np.degrees(np.arccos(np.clip(-np.einsum("ij,ij->i", heading[a], heading[b]), -1.0, 1.0)))
@@ -324,10 +362,14 @@ def _join(lines: _Lines, options: TidyOptions, near: bool) -> _Lines:
     slope = np.tan(np.radians(angle))
     ahead = (along_a > -0.5) & (along_b > -0.5)
     aside = np.maximum(side_a, side_b)
-    straight = ahead & (aside <= np.where(contours, 2.5, 1.5) + slope * np.minimum(np.abs(along_a), np.abs(along_b)))
+    straight = ahead & (
+        aside <= np.where(contours, 2.5, 1.5) + slope * np.minimum(np.abs(along_a), np.abs(along_b))
+    )
     touching = gap < 2.0
     overlap = ~ahead & (np.minimum(along_a, along_b) > -6.0) & (aside < 2.0)
-    good = np.where(touching, bend < 60.0, (bend < angle * np.where(gap < 4.0, 1.2, 1.0)) & (straight | overlap))
+    good = np.where(
+        touching, bend < 60.0, (bend < angle * np.where(gap < 4.0, 1.2, 1.0)) & (straight | overlap)
+    )
     good |= corner & (gap <= options.gap)
     limit = np.where(contours, options.contour_gap, options.gap)
     # a short piece does not bridge more than its own length
@@ -336,7 +378,9 @@ def _join(lines: _Lines, options: TidyOptions, near: bool) -> _Lines:
     own = ca == cb
     good &= ~own | ((a != b) & (length[ca] > 4.0 * np.maximum(gap, 3.0)))
     mixed = kind[ca] != kind[cb]
-    cost = gap / options.gap + bend / 30.0 + aside / 4.0 + 0.5 * mixed + 0.5 * (soft[ca] != soft[cb])
+    cost = (
+        gap / options.gap + bend / 30.0 + aside / 4.0 + 0.5 * mixed + 0.5 * (soft[ca] != soft[cb])
+    )
     a, b, gap, cost = a[good], b[good], gap[good], cost[good]
     if len(a):
         clear = _clear(lines, tip[a], tip[b], curve[a], curve[b], gap)
@@ -373,10 +417,17 @@ def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
         return lines
     single = lines.take(~linked)
     length, used = lines.lengths(), np.zeros(len(lines), bool)
-    xy, strength, kind, closed = [single.xy], [single.strength], list(single.kind), list(single.closed)
+    xy, strength, kind, closed = (
+        [single.xy],
+        [single.strength],
+        list(single.kind),
+        list(single.closed),
+    )
     # open chains from an end that has no mate, then rings from anywhere
     curves = np.flatnonzero(linked)
-    starts = [end for c in curves for end in (2 * c, 2 * c + 1) if mate[end] < 0] + [2 * c for c in curves]
+    starts = [end for c in curves for end in (2 * c, 2 * c + 1) if mate[end] < 0] + [
+        2 * c for c in curves
+    ]
     count = []
     for end in starts:
         if used[end // 2]:
@@ -400,7 +451,9 @@ def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
         kind.append(int((hard if 3.0 * hard.sum() > weight.sum() else weight).argmax()))
         closed.append(ring)
     offsets = np.r_[single.offsets, single.offsets[-1] + np.cumsum(count)]
-    return _even(np.concatenate(xy), np.concatenate(strength), offsets, np.array(kind), np.array(closed))
+    return _even(
+        np.concatenate(xy), np.concatenate(strength), offsets, np.array(kind), np.array(closed)
+    )
 
 
 def _trimmed(xy: np.ndarray, parts: list[np.ndarray], ring: bool) -> list[np.ndarray]:
@@ -427,7 +480,9 @@ def _drop(lines: _Lines, options: TidyOptions) -> _Lines:
     length = lines.lengths()
     attached = _near_others(lines, 6.0).reshape(-1, 2).sum(axis=1) * ~lines.closed
     crease = (lines.kind == _CREASE) & (length < options.long_crease)
-    loose = crease & ~_near_others(lines, 2.5).reshape(-1, 2).all(axis=1)  # the edges of a true solid meet
+    loose = crease & ~_near_others(lines, 2.5).reshape(-1, 2).all(
+        axis=1
+    )  # the edges of a true solid meet
     soft = _SOFT[lines.kind] | loose
     crowd = _crowd(lines, (length < 30.0) & (_SOFT[lines.kind] | crease), soft)
     need = options.soft * (1.0 + crowd / max(options.crowd, 1e-9))
@@ -442,7 +497,9 @@ def _crowd(lines: _Lines, short: np.ndarray, asked: np.ndarray) -> np.ndarray:
     rows, probe = np.flatnonzero(short[of]), np.flatnonzero(asked[of])[::3]
     if not len(rows) or not len(probe):
         return np.zeros(len(lines))
-    count = cKDTree(lines.xy[rows]).query_ball_point(lines.xy[probe], 24.0, return_length=True) * STEP
+    count = (
+        cKDTree(lines.xy[rows]).query_ball_point(lines.xy[probe], 24.0, return_length=True) * STEP
+    )
     hits = np.bincount(of[probe], minlength=len(lines))
     mean = np.bincount(of[probe], count, len(lines)) / np.maximum(hits, 1)
     return np.maximum(mean - np.where(short, np.minimum(lines.lengths(), 24.0), 0.0), 0.0)
@@ -506,7 +563,9 @@ def _split(lines: _Lines, corner: float, reach: int, apart: int, steady: bool) -
     parent = of[rows[starts]]
     rows = order[rows]
     closed = (lines.closed & ~open_again)[parent]
-    return _Lines(lines.xy[rows], lines.strength[rows], np.r_[starts, len(rows)], lines.kind[parent], closed)
+    return _Lines(
+        lines.xy[rows], lines.strength[rows], np.r_[starts, len(rows)], lines.kind[parent], closed
+    )
 
 
 def _unhook(lines: _Lines, corner: float) -> _Lines:
@@ -519,7 +578,11 @@ def _unhook(lines: _Lines, corner: float) -> _Lines:
         for k in range(2, int(8.0 / STEP) + 1):
             at = tip + inward * k
             u, v = lines.xy[at] - lines.xy[at + inward * 6], lines.xy[tip] - lines.xy[at]
-            turn = np.degrees(np.abs(np.arctan2(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], np.einsum("ij,ij->i", u, v))))
+            turn = np.degrees(
+                np.abs(
+                    np.arctan2(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], np.einsum("ij,ij->i", u, v))
+                )
+            )
             cut, sharpest = np.where(turn > sharpest, k, cut), np.maximum(turn, sharpest)
         for k in range(int(cut.max(initial=0))):
             keep[tip[cut > k] + inward * k] = False

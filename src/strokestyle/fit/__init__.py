@@ -1,0 +1,1 @@
+"""View + a drawing of it -> Style."""

@@ -61,7 +61,11 @@ class Checkpoint:
             raise ValueError(
                 f"{self.path}: a damaged checkpoint, or none at all: remove it, or start afresh without --resume"
             ) from None
-        changed = [_difference(name, found.get(name), key[name]) for name in key if found.get(name) != key[name]]
+        changed = [
+            _difference(name, found.get(name), key[name])
+            for name in key
+            if found.get(name) != key[name]
+        ]
         if form != FORMAT:
             changed.insert(0, "another version of strokestyle")
         if changed:
@@ -88,7 +92,10 @@ class Checkpoint:
         start = time.monotonic()
         self._stages[stage] = state
         buffer = io.BytesIO()
-        torch.save({"format": FORMAT, "key": self._key, "choices": self._choices, "stages": self._stages}, buffer)
+        torch.save(
+            {"format": FORMAT, "key": self._key, "choices": self._choices, "stages": self._stages},
+            buffer,
+        )
         write_bytes(self.path, buffer.getvalue())
         self._written = time.monotonic()
         self._took = self._written - start
@@ -100,7 +107,12 @@ class Checkpoint:
 
     @contextmanager
     def watch(
-        self, stage: str, steps: int, learned: dict, training: dict, rng: np.random.Generator | None = None
+        self,
+        stage: str,
+        steps: int,
+        learned: dict,
+        training: dict,
+        rng: np.random.Generator | None = None,
     ) -> Iterator[tuple[Iterator[int], Callable[[], None]]]:
         """A stage of `steps` steps, put back to where it stood: the steps still to do, and what to call after each.
 
@@ -126,8 +138,13 @@ class Checkpoint:
                 rng.bit_generator.state = json.loads(known["rng"])
 
         def keep() -> None:
-            state = {"step": done, "learned": {name: _state(part) for name, part in learned.items()}}
-            state["training"] = {name: part.state_dict() for name, part in training.items()} if done < steps else {}
+            state = {
+                "step": done,
+                "learned": {name: _state(part) for name, part in learned.items()},
+            }
+            state["training"] = (
+                {name: part.state_dict() for name, part in training.items()} if done < steps else {}
+            )
             state["rng"] = None if rng is None else json.dumps(rng.bit_generator.state)
             self.save(stage, state)
 
@@ -163,7 +180,11 @@ class _Stop:
     def __init__(self, wanted: bool):
         main = threading.current_thread() is threading.main_thread()
         plain = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
-        self.before = {number: it for number, it in plain.items() if wanted and main and signal.getsignal(number) == it}
+        self.before = {
+            number: it
+            for number, it in plain.items()
+            if wanted and main and signal.getsignal(number) == it
+        }
         self.asked = False
 
     def __enter__(self) -> _Stop:

@@ -20,7 +20,15 @@ from .registration import Similarity, register
 
 MAX_PIXELS = 200_000_000
 BLOCK = 48  # px; paper colour is taken per block
-GRAIN_SIGMAS = (0.0, 0.7, 1.0, 1.4, 1.8, 2.3, 2.8)  # px; blurs tried, in order, until the mask holds together
+GRAIN_SIGMAS = (
+    0.0,
+    0.7,
+    1.0,
+    1.4,
+    1.8,
+    2.3,
+    2.8,
+)  # px; blurs tried, in order, until the mask holds together
 CUT = 0.33  # of the local peak: near the extent that the eye takes for the stroke, wider than half height
 LITTER, SPECK = 0.004, 40  # share of the mask's area, and px of area, see _litter
 NEAR = 14.0  # px at 768; ink farther than this from every curve does not belong to one
@@ -53,7 +61,9 @@ class Exemplar:
         ):  # fmt: skip
             value = np.asarray(getattr(self, name), np.float32)
             if value.shape != want or not np.isfinite(value).all():
-                raise ValueError(f"Exemplar.{name} must be finite, of shape {want}, got {value.shape}")
+                raise ValueError(
+                    f"Exemplar.{name} must be finite, of shape {want}, got {value.shape}"
+                )
             object.__setattr__(self, name, value)
 
 
@@ -76,7 +86,9 @@ def read_image(path: str | Path) -> tuple[np.ndarray, bool]:
     if path.is_dir():
         raise ValueError(f"{path}: a folder; expected an image of the drawing (PNG, JPEG or TIFF)")
     if path.stat().st_size == 0:
-        raise ValueError(f"{path}: the file is empty; expected an image of the drawing (PNG, JPEG or TIFF)")
+        raise ValueError(
+            f"{path}: the file is empty; expected an image of the drawing (PNG, JPEG or TIFF)"
+        )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -88,10 +100,14 @@ def read_image(path: str | Path) -> tuple[np.ndarray, bool]:
                     )
                 image.load()
                 image = ImageOps.exif_transpose(image)
-                if image.mode.startswith("I") or image.mode == "F":  # 16-bit and float greys: pillow would clip them
+                if (
+                    image.mode.startswith("I") or image.mode == "F"
+                ):  # 16-bit and float greys: pillow would clip them
                     grey = np.asarray(image, np.float32)
                     top = 65535.0 if image.mode.startswith("I") else 1.0
-                    grey = np.clip(grey / (255.0 if grey.max(initial=0) <= 255 and top > 1 else top), 0, 1)
+                    grey = np.clip(
+                        grey / (255.0 if grey.max(initial=0) <= 255 and top > 1 else top), 0, 1
+                    )
                     rgba = np.stack([grey] * 3 + [np.ones_like(grey)], axis=-1)
                 else:
                     rgba = np.asarray(image.convert("RGBA"), np.float32) / 255.0
@@ -100,14 +116,22 @@ def read_image(path: str | Path) -> tuple[np.ndarray, bool]:
     except (OSError, SyntaxError, EOFError) as error:
         if isinstance(error, (FileNotFoundError, PermissionError)):
             raise
-        raise ValueError(f"{path}: not a readable image ({_short(error)}); expected PNG, JPEG or TIFF") from None
+        raise ValueError(
+            f"{path}: not a readable image ({_short(error)}); expected PNG, JPEG or TIFF"
+        ) from None
     if min(rgba.shape[:2]) < 16:
-        raise ValueError(f"{path}: {rgba.shape[1]} x {rgba.shape[0]} pixels is too small to learn from")
+        raise ValueError(
+            f"{path}: {rgba.shape[1]} x {rgba.shape[0]} pixels is too small to learn from"
+        )
     clear = rgba[..., 3] < 0.5
-    return rgba, bool(clear.mean() > 0.4)  # a transparent margin round an opaque sheet is not transparent paper
+    return rgba, bool(
+        clear.mean() > 0.4
+    )  # a transparent margin round an opaque sheet is not transparent paper
 
 
-def load_exemplar(path: str | Path, width: int, height: int, curve_points: np.ndarray) -> tuple[Exemplar, str]:
+def load_exemplar(
+    path: str | Path, width: int, height: int, curve_points: np.ndarray
+) -> tuple[Exemplar, str]:
     """Read a drawing and lay it on a view of `width` x `height` px, where it belongs on the curves.
 
     A file of the view's proportions is resampled as it is. Any other is tried three ways (whole sheet inside the view,
@@ -119,7 +143,9 @@ def load_exemplar(path: str | Path, width: int, height: int, curve_points: np.nd
     """
     rgba, transparent = read_image(path)
     note, best = "", None
-    layouts = [(name, _lay(rgba, width, height, name)) for name in _layouts(rgba.shape, width, height)]
+    layouts = [
+        (name, _lay(rgba, width, height, name)) for name in _layouts(rgba.shape, width, height)
+    ]
     for name, sheet in layouts:
         exemplar = separate(sheet, transparent, str(path))
         moved = register(exemplar.mask, curve_points)
@@ -158,7 +184,9 @@ def agree(exemplar: Exemplar, curve_points: np.ndarray) -> Agreement:
     ink = np.stack([x, y], axis=1) + 0.5
     to_curve, _ = cKDTree(curve_points).query(ink, distance_upper_bound=near)
     to_ink, _ = cKDTree(ink).query(curve_points, distance_upper_bound=near)
-    return Agreement(float(weight[np.isinf(to_curve)].sum() / weight.sum()), float(np.isinf(to_ink).mean()), near)
+    return Agreement(
+        float(weight[np.isinf(to_curve)].sum() / weight.sum()), float(np.isinf(to_ink).mean()), near
+    )
 
 
 def separate(sheet: np.ndarray, transparent: bool = False, name: str = "drawing") -> Exemplar:
@@ -171,22 +199,36 @@ def separate(sheet: np.ndarray, transparent: bool = False, name: str = "drawing"
         floor = 2.0 / 255.0
     else:
         rgb = sheet[..., :3] * sheet[..., 3:] + (1.0 - sheet[..., 3:])
-        paper = paper_field(rgb)
+        paper = ground_field(rgb)
         mean_paper = paper.mean(axis=(0, 1))
         # the least opacity with which some ink in [0, 1] over this paper gives this pixel
         least = ((paper - rgb) / np.maximum(paper, 1e-3)).max(axis=-1)
-        if mean_paper.mean() < 0.5:  # a dark sheet takes light ink; on a light one what is lighter is grain
+        if (
+            mean_paper.mean() < 0.5
+        ):  # a dark sheet takes light ink; on a light one what is lighter is grain
             least = np.maximum(least, ((rgb - paper) / np.maximum(1.0 - paper, 1e-3)).max(axis=-1))
-        floor = max(2.0 / 255.0, 5.0 * float(np.median(np.abs(least - np.median(least)))))  # 3.4 sigma of the grain
+        floor = max(
+            2.0 / 255.0, 5.0 * float(np.median(np.abs(least - np.median(least))))
+        )  # 3.4 sigma of the grain
         least = least.clip(0, 1)
     least = np.where(least > floor, least, 0.0)
-    if floor > 0.01:  # the strongest of the grain passes the floor too, but stands away from all ink
+    if (
+        floor > 0.01
+    ):  # the strongest of the grain passes the floor too, but stands away from all ink
         least = least * ndimage.binary_dilation(least > max(0.15, 2.0 * floor), iterations=5)
     held = least > max(0.08, floor)
     share = float(held.mean())
     if share < 2e-4 and floor <= 0.5:
-        tone = "black" if mean_paper.max() < 0.15 else "white" if mean_paper.min() > 0.97 else "of one tone"
-        raise ValueError(f"{name}: no strokes found: the sheet is all {tone}, or its ink too faint to tell from it")
+        tone = (
+            "black"
+            if mean_paper.max() < 0.15
+            else "white"
+            if mean_paper.min() > 0.97
+            else "of one tone"
+        )
+        raise ValueError(
+            f"{name}: no strokes found: the sheet is all {tone}, or its ink too faint to tell from it"
+        )
     if share > 0.5 or floor > 0.5:
         raise ValueError(
             f"{name}: no paper to be found between its marks: a picture rather than a line drawing? "
@@ -198,14 +240,16 @@ def separate(sheet: np.ndarray, transparent: bool = False, name: str = "drawing"
         ink = rgb
     else:
         ink = np.clip(paper + (rgb - paper) / np.maximum(alpha, 1e-3)[..., None], 0, 1)
-        if mean_paper.mean() >= 0.5:  # taken for white paper in its light, which fell on the ink as well
+        if (
+            mean_paper.mean() >= 0.5
+        ):  # taken for white paper in its light, which fell on the ink as well
             ink = np.clip(ink / np.maximum(paper, 1e-3), 0, 1)
     ink = _steady_ink(ink, alpha)
     laid = alpha[..., None] * ink + (1.0 - alpha[..., None])
     return Exemplar(laid, alpha, ink, stroke_mask(alpha), mean_paper)
 
 
-def paper_field(rgb: np.ndarray) -> np.ndarray:
+def ground_field(rgb: np.ndarray) -> np.ndarray:
     """The paper's colour under every pixel of (H, W, 3): block medians, blocks of ink mended, smoothly interpolated."""
     height, width = rgb.shape[:2]
     down, across = max(1, round(height / BLOCK)), max(1, round(width / BLOCK))
@@ -213,12 +257,17 @@ def paper_field(rgb: np.ndarray) -> np.ndarray:
     cols = np.linspace(0, width, across + 1).astype(int)
     blocks = np.array(
         [
-            [np.median(rgb[a:b, c:d].reshape(-1, 3), axis=0) for c, d in zip(cols[:-1], cols[1:], strict=True)]
+            [
+                np.median(rgb[a:b, c:d].reshape(-1, 3), axis=0)
+                for c, d in zip(cols[:-1], cols[1:], strict=True)
+            ]
             for a, b in zip(rows[:-1], rows[1:], strict=True)
         ]
     )
     overall = np.median(blocks.reshape(-1, 3), axis=0)
-    off = np.abs(blocks - ndimage.median_filter(blocks, size=(5, 5, 1), mode="nearest")).max(axis=-1)
+    off = np.abs(blocks - ndimage.median_filter(blocks, size=(5, 5, 1), mode="nearest")).max(
+        axis=-1
+    )
     blocks[off > 0.005 + 6.0 * np.median(off)] = np.nan  # ink, not paper, holds the median of these
     for channel in range(3):
         layer = blocks[..., channel]
@@ -226,13 +275,17 @@ def paper_field(rgb: np.ndarray) -> np.ndarray:
         if bad.all():
             layer[:] = overall[channel]
         elif bad.any():
-            nearest = ndimage.distance_transform_edt(bad, return_distances=False, return_indices=True)
+            nearest = ndimage.distance_transform_edt(
+                bad, return_distances=False, return_indices=True
+            )
             layer[bad] = layer[tuple(i[bad] for i in nearest)]
     blocks = ndimage.gaussian_filter(blocks, (0.7, 0.7, 0), mode="nearest")
     y = np.interp(np.arange(height) + 0.5, 0.5 * (rows[:-1] + rows[1:]), np.arange(down))
     x = np.interp(np.arange(width) + 0.5, 0.5 * (cols[:-1] + cols[1:]), np.arange(across))
     grid = np.meshgrid(y, x, indexing="ij")
-    field = [ndimage.map_coordinates(blocks[..., k], grid, order=1, mode="nearest") for k in range(3)]
+    field = [
+        ndimage.map_coordinates(blocks[..., k], grid, order=1, mode="nearest") for k in range(3)
+    ]
     return np.stack(field, axis=-1).astype(np.float32)
 
 
@@ -291,15 +344,25 @@ def _layouts(shape: tuple, width: int, height: int) -> tuple[str, ...]:
 def _lay(rgba: np.ndarray, width: int, height: int, layout: str) -> np.ndarray:
     """Resample a sheet (h, w, 4) to (height, width, 4), premultiplied so that clear pixels bleed no colour."""
     h, w = rgba.shape[:2]
-    scale = {"fitted": min(width / w, height / h), "cropped": max(width / w, height / h)}.get(layout)
+    scale = {"fitted": min(width / w, height / h), "cropped": max(width / w, height / h)}.get(
+        layout
+    )
     if (w, h) == (width, height):
         return rgba
-    new_w, new_h = (width, height) if scale is None else (max(1, round(w * scale)), max(1, round(h * scale)))
+    new_w, new_h = (
+        (width, height) if scale is None else (max(1, round(w * scale)), max(1, round(h * scale)))
+    )
     premultiplied = _premultiplied(rgba)
     resize = Image.Resampling.LANCZOS
-    planes = [np.asarray(Image.fromarray(premultiplied[..., k]).resize((new_w, new_h), resize)) for k in range(4)]
+    planes = [
+        np.asarray(Image.fromarray(premultiplied[..., k]).resize((new_w, new_h), resize))
+        for k in range(4)
+    ]
     out = np.stack(planes, axis=-1).clip(0, 1)
-    if (new_w, new_h) != (width, height):  # pad with the sheet's own edge (its paper), or cut, about the centre
+    if (new_w, new_h) != (
+        width,
+        height,
+    ):  # pad with the sheet's own edge (its paper), or cut, about the centre
         dx, dy = width - new_w, height - new_h
         out = out[max(0, -dy // 2) :, max(0, -dx // 2) :][:height, :width]
         pad_y, pad_x = height - out.shape[0], width - out.shape[1]

@@ -16,7 +16,13 @@ from ..extract.view import View
 from ..geometry.curves import owner
 from ..render.coverage import coverage
 from ..render.networks import PatchDiscriminator, PathNet, SurfaceNet, TextureNet
-from ..render.neural_strokes import PaperStyle, curve_features, padded, stroke_geometry, view_maps
+from ..render.neural_strokes import (
+    NeuralStrokesStyle,
+    curve_features,
+    padded,
+    stroke_geometry,
+    view_maps,
+)
 from .checkpoint import Checkpoint
 from .exemplar import Exemplar
 
@@ -26,7 +32,7 @@ JUDGED = 36  # px: patches with no stroke in this centre do not count in the adv
 
 
 @dataclass(frozen=True)
-class PaperConfig:
+class NeuralStrokesConfig:
     """The paper's schedule; what its text leaves open is from its authors' code.
 
     Parameters
@@ -63,17 +69,17 @@ class Report(Protocol):
     def __call__(self, stage: str, step: int, steps: int, losses: dict) -> None: ...
 
 
-def fit_paper(
+def fit_neural_strokes(
     view: View,
     exemplar: Exemplar,
-    config: PaperConfig,
+    config: NeuralStrokesConfig,
     seed: int,
     device: torch.device,
     report: Report,
     about: dict,
     checkpoint: Checkpoint,
     until: float | None = None,
-) -> PaperStyle:
+) -> NeuralStrokesStyle:
     """Train the three networks on one drawing. Same seed, same machine, same weights.
 
     `until`, on the clock of time.monotonic(), shortens both stages alike, the fall of their rates with them.
@@ -81,7 +87,11 @@ def fit_paper(
     """
     with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
         torch.manual_seed(seed)
-        surface, path, texture = SurfaceNet().to(device), PathNet().to(device), TextureNet().to(device)
+        surface, path, texture = (
+            SurfaceNet().to(device),
+            PathNet().to(device),
+            TextureNet().to(device),
+        )
         judge = PatchDiscriminator().to(device)
         for network in (surface, path, texture, judge):
             _initialise(network)
@@ -103,12 +113,19 @@ def fit_paper(
         if until is None:
             return config.schedule
         trials = (
-            (config.geometry_steps, lambda *rest: geometry(copy.deepcopy(surface), copy.deepcopy(path), *rest)),
-            (config.texture_steps, lambda *rest: textured(copy.deepcopy(texture), copy.deepcopy(judge), mask, *rest)),
+            (
+                config.geometry_steps,
+                lambda *rest: geometry(copy.deepcopy(surface), copy.deepcopy(path), *rest),
+            ),
+            (
+                config.texture_steps,
+                lambda *rest: textured(copy.deepcopy(texture), copy.deepcopy(judge), mask, *rest),
+            ),
         )
         start = time.monotonic()
         needed = sum(
-            steps * _seconds_a_step(train, view, config, device, 0.05 * (until - start)) for steps, train in trials
+            steps * _seconds_a_step(train, view, config, device, 0.05 * (until - start))
+            for steps, train in trials
         )
         return min(config.schedule, max(0.0, SPENT * (until - time.monotonic()) / needed))
 
@@ -116,7 +133,9 @@ def fit_paper(
     stages = {"geometry": config.geometry_steps, "texture": config.texture_steps}
     known = {name: (checkpoint.load(name) or {"step": 0})["step"] for name in stages}
     every = {name: max(1, round(steps * config.schedule)) for name, steps in stages.items()}
-    report.total = sum(steps for name, steps in every.items() if known[name] < steps)  # those over are not called
+    report.total = sum(
+        steps for name, steps in every.items() if known[name] < steps
+    )  # those over are not called
     geometry(surface, path, config, rng, report, checkpoint)
     with torch.no_grad():
         xy, thickness = stroke_geometry(path, padded(surface, maps), points, offsets)
@@ -124,10 +143,12 @@ def fit_paper(
     textured(texture, judge, drawn, config, rng, report, checkpoint)
     for network in (surface, path, texture):
         network.eval()
-    return PaperStyle(surface, path, texture, about)
+    return NeuralStrokesStyle(surface, path, texture, about)
 
 
-def _seconds_a_step(train, view: View, config: PaperConfig, device: torch.device, most: float) -> float:
+def _seconds_a_step(
+    train, view: View, config: NeuralStrokesConfig, device: torch.device, most: float
+) -> float:
     """Mean over the patch sizes of one step's time, on copies. After `most` seconds larger patches are guessed."""
     start, each, sizes = time.monotonic(), [], _sizes(view, config)
     for i, size in enumerate(sizes):
@@ -147,11 +168,15 @@ def _seconds_a_step(train, view: View, config: PaperConfig, device: torch.device
     return float(np.mean(each))
 
 
-def _train_geometry(surface, path, maps, points, view, mask, config, rng, report, checkpoint) -> None:
+def _train_geometry(
+    surface, path, maps, points, view, mask, config, rng, report, checkpoint
+) -> None:
     """L_b + lambda_s L_s (eqs. 2 and 3)."""
     parameters = [*surface.parameters(), *path.parameters()]
     optimiser = torch.optim.Adam(parameters, config.rate, betas=(0.0, 0.99))
-    steps, schedule = _schedule(optimiser, config.geometry_steps, config.geometry_decay, config.schedule)
+    steps, schedule = _schedule(
+        optimiser, config.geometry_steps, config.geometry_decay, config.schedule
+    )
     corners = {size: _corners(view, size) for size in _sizes(view, config)}
     xy, curve = view.curves.xy, owner(view.curves.offsets)
     learned = {"surface": surface, "path": path}
@@ -162,11 +187,15 @@ def _train_geometry(surface, path, maps, points, view, mask, config, rng, report
             at = corners[size][rng.integers(len(corners[size]), size=config.batch)]  # (B, 2) x, y
             patch = _crop(maps[0], at, size)
             rows, cuts, image = cut_curves(xy, curve, at, size)
-            local = points[rows] - F.pad(torch.tensor(at, dtype=points.dtype, device=points.device)[image], (0, 5))
+            local = points[rows] - F.pad(
+                torch.tensor(at, dtype=points.dtype, device=points.device)[image], (0, 5)
+            )
             cuts = torch.tensor(cuts, device=points.device)
             image = torch.tensor(image, device=points.device)
             moved, thickness = stroke_geometry(path, surface(patch), local, cuts, image)
-            drawn = 1.0 - coverage(moved, thickness, cuts, size, size, image[cuts[:-1]], config.batch)
+            drawn = 1.0 - coverage(
+                moved, thickness, cuts, size, size, image[cuts[:-1]], config.batch
+            )
             fidelity = F.l1_loss(drawn, _crop(mask[None], at, size)[:, 0])
             smooth = _smoothness(moved - local[:, :2], cuts)
             loss = fidelity + config.smoothness * smooth
@@ -182,12 +211,19 @@ def _train_texture(texture, judge, shown, rgb, view, config, rng, report, checkp
     """L_t + lambda_a L_a (eqs. 4 and 5) with LSGAN, on patches turned by a random angle."""
     draw = torch.optim.Adam(texture.parameters(), config.rate, betas=(0.5, 0.999))
     tell = torch.optim.Adam(judge.parameters(), config.rate, betas=(0.5, 0.999))
-    steps, draw_schedule = _schedule(draw, config.texture_steps, config.texture_decay, config.schedule)
+    steps, draw_schedule = _schedule(
+        draw, config.texture_steps, config.texture_decay, config.schedule
+    )
     _, tell_schedule = _schedule(tell, config.texture_steps, config.texture_decay, config.schedule)
     corners = {size: _corners(view, size) for size in _sizes(view, config)}
     both = torch.cat([shown, rgb], dim=1)
     learned = {"texture": texture, "judge": judge}
-    training = {"draw": draw, "tell": tell, "draw_schedule": draw_schedule, "tell_schedule": tell_schedule}
+    training = {
+        "draw": draw,
+        "tell": tell,
+        "draw_schedule": draw_schedule,
+        "tell_schedule": tell_schedule,
+    }
     with checkpoint.watch("texture", steps, learned, training, rng) as (remaining, passed):
         for step in remaining:
             size = int(rng.choice(list(corners)))
@@ -197,7 +233,9 @@ def _train_texture(texture, judge, shown, rgb, view, config, rng, report, checkp
             seen, wanted = seen[:, : shown.shape[1]], seen[:, shown.shape[1] :]
             fake = texture(seen)
             mine, theirs = _held(seen[:, -1]), _held(real.min(dim=1).values)
-            told = 0.5 * (_lsgan(judge(fake.detach()), 0.0, mine) + _lsgan(judge(real), 1.0, theirs))
+            told = 0.5 * (
+                _lsgan(judge(fake.detach()), 0.0, mine) + _lsgan(judge(real), 1.0, theirs)
+            )
             tell.zero_grad(set_to_none=True)
             told.backward()
             tell.step()
@@ -217,7 +255,7 @@ def _train_texture(texture, judge, shown, rgb, view, config, rng, report, checkp
 # --------------------------------------------------------------------------------------------------------- patches
 
 
-def _sizes(view: View, config: PaperConfig) -> list[int]:
+def _sizes(view: View, config: NeuralStrokesConfig) -> list[int]:
     """Patch sizes that fit the canvas, or the largest one that does."""
     most = min(view.camera.width, view.camera.height) // 4 * 4
     return sorted({min(size, most) for size in config.patches})
@@ -234,7 +272,9 @@ def _corners(view: View, size: int) -> np.ndarray:
     a, b, c, d = y + near, y + near + inner, x + near, x + near + inner
     held = total[b, d] - total[a, d] - total[b, c] + total[a, c] > 0
     if not held.any():
-        raise ValueError(f"no {size} px patch of this view holds a curve in its centre: nothing to learn from")
+        raise ValueError(
+            f"no {size} px patch of this view holds a curve in its centre: nothing to learn from"
+        )
     return np.stack([x[held], y[held]], axis=1)
 
 
@@ -252,7 +292,9 @@ def cut_curves(
     """
     inside = ((xy[None] >= at[:, None]) & (xy[None] < at[:, None] + size)).all(axis=2)  # (B, N)
     image, rows = np.nonzero(inside)
-    new = np.r_[True, (np.diff(rows) != 1) | (np.diff(image) != 0) | (np.diff(curve[rows]) != 0)][: len(rows)]
+    new = np.r_[True, (np.diff(rows) != 1) | (np.diff(image) != 0) | (np.diff(curve[rows]) != 0)][
+        : len(rows)
+    ]
     run = np.cumsum(new) - 1
     keep = np.bincount(run)[run] >= 2 if len(run) else np.zeros(0, bool)
     image, rows, run = image[keep], rows[keep], run[keep]
@@ -278,7 +320,9 @@ def _turned(image: Tensor, at: np.ndarray, size: int, angle: np.ndarray) -> Tens
 
 def _smoothness(displacement: Tensor, offsets: Tensor) -> Tensor:
     """Eq. 3: squared difference of neighbouring displacements (N, 2), averaged over each path, then over the paths."""
-    which = torch.repeat_interleave(torch.arange(len(offsets) - 1, device=offsets.device), offsets.diff())
+    which = torch.repeat_interleave(
+        torch.arange(len(offsets) - 1, device=offsets.device), offsets.diff()
+    )
     within = which[1:] == which[:-1]
     change = displacement.diff(dim=0).square().sum(1)[within]
     weight = 1.0 / (offsets.diff() - 1).to(change.dtype)[which[1:][within]]
@@ -304,13 +348,17 @@ def _blur(image: Tensor, sigma: float = 2.0) -> Tensor:
     kernel = torch.exp(-0.5 * (torch.arange(-reach, reach + 1, device=image.device) / sigma) ** 2)
     kernel = (kernel / kernel.sum()).expand(3, 1, 1, -1)
     image = F.conv2d(F.pad(image, (reach, reach, 0, 0), mode="replicate"), kernel, groups=3)
-    return F.conv2d(F.pad(image, (0, 0, reach, reach), mode="replicate"), kernel.transpose(2, 3), groups=3)
+    return F.conv2d(
+        F.pad(image, (0, 0, reach, reach), mode="replicate"), kernel.transpose(2, 3), groups=3
+    )
 
 
 def _schedule(optimiser, steps: int, decay: int, share: float):
     """All steps to run, and a rate that is constant but for the last `decay` of them, where it falls to 0."""
     steps, decay = max(1, round(steps * share)), max(1, round(decay * share))
-    return steps, torch.optim.lr_scheduler.LambdaLR(optimiser, lambda step: min(1.0, (steps - step) / decay))
+    return steps, torch.optim.lr_scheduler.LambdaLR(
+        optimiser, lambda step: min(1.0, (steps - step) / decay)
+    )
 
 
 def _initialise(network: torch.nn.Module) -> None:

@@ -13,7 +13,11 @@ import numpy as np
 from scipy import fft, ndimage
 from scipy.spatial import cKDTree
 
-MOST_SHIFT, MOST_ANGLE, MOST_SCALE = 0.07, 7.0, 0.07  # of the canvas, degrees, of size: what is looked for
+MOST_SHIFT, MOST_ANGLE, MOST_SCALE = (
+    0.07,
+    7.0,
+    0.07,
+)  # of the canvas, degrees, of size: what is looked for
 COARSE = 192  # px, longer side of the images that are correlated
 STEPS, BLUR = 9, 2.1  # angles, and scales, of the grid; px of these images
 REACHES = (32.0, 16.0, 10.0, 7.0, 5.0, 4.0)  # px at 768; matches farther than this lose their say
@@ -21,6 +25,7 @@ TURNS = 6  # rounds of matching for each
 INK = 6000  # pixels of ink that are matched
 LEAST_INK, LEAST_POINTS = 50, 20  # below, nothing can be said
 FIT = 14.0  # px at 768, beyond which a distance counts as no match, where fits are compared
+
 # Share of the misfit that may be left for a shift, a turn, a scale to be taken. Forty drawings by ten simulated hands
 # that lay right were left .90, .98 and .70 at least; 3 px or a degree of wrong leave .87 and .89 at most. A sheet that
 # lies turned was scanned or photographed, and so may well be scaled.
@@ -48,14 +53,19 @@ class Similarity:
 
     def back(self, xy: np.ndarray) -> np.ndarray:
         """Points (..., 2) of the canvas -> where they lie on the drawing."""
-        return (xy - self.centre - np.array(self.shift)) @ np.linalg.inv(self.matrix).T + self.centre
+        return (xy - self.centre - np.array(self.shift)) @ np.linalg.inv(
+            self.matrix
+        ).T + self.centre
 
     def warp(self, image: np.ndarray) -> np.ndarray:
         """The image (H, W, K) moved. What comes in from outside is the image's own edge, its paper."""
         height, width, depth = image.shape
         grid = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
         x, y = np.moveaxis(self.back(grid) - 0.5, -1, 0)
-        planes = [ndimage.map_coordinates(image[..., k], [y, x], order=3, mode="nearest") for k in range(depth)]
+        planes = [
+            ndimage.map_coordinates(image[..., k], [y, x], order=3, mode="nearest")
+            for k in range(depth)
+        ]
         return np.stack(planes, axis=-1).astype(image.dtype)
 
     def __str__(self) -> str:
@@ -80,7 +90,9 @@ def register(mask: np.ndarray, curve_points: np.ndarray) -> Similarity | None:
     if len(ink) < LEAST_INK or len(curve_points) < LEAST_POINTS:
         return None
     found, least = None, misfit(ink, curve_points, FIT * scale)
-    for free, start, share in zip((2, 3, 4), _coarse(ink, curve_points, mask.shape), HELPS, strict=True):
+    for free, start, share in zip(
+        (2, 3, 4), _coarse(ink, curve_points, mask.shape), HELPS, strict=True
+    ):
         tried = _refine(start, ink, curve_points, scale, free)
         left = misfit(tried(ink), curve_points, FIT * scale)
         if left < (HELPS_TURNED if found and found.angle else share) * least:
@@ -123,7 +135,9 @@ def _coarse(ink: np.ndarray, curve_points: np.ndarray, shape: tuple[int, int]) -
         out[cell[:, 1], cell[:, 0]] = 1.0  # lines count by their length, whatever their thickness
         return fft.rfft2(out), np.sqrt(out.sum() + 1e-9)
 
-    frequency = np.square(np.fft.fftfreq(padded[0]))[:, None] + np.square(np.fft.rfftfreq(padded[1]))
+    frequency = np.square(np.fft.fftfreq(padded[0]))[:, None] + np.square(
+        np.fft.rfftfreq(padded[1])
+    )
     blur = np.exp(-2 * np.square(np.pi * BLUR) * frequency)
     curves = np.conj(transformed(curve_points)[0]) * blur.astype(np.float32)
     angles = np.radians(np.linspace(-MOST_ANGLE, MOST_ANGLE, STEPS)).tolist()
@@ -143,7 +157,9 @@ def _coarse(ink: np.ndarray, curve_points: np.ndarray, shape: tuple[int, int]) -
     return starts
 
 
-def _refine(start: Similarity, ink: np.ndarray, curve_points: np.ndarray, scale: float, free: int) -> Similarity:
+def _refine(
+    start: Similarity, ink: np.ndarray, curve_points: np.ndarray, scale: float, free: int
+) -> Similarity:
     """Ink to the nearest curve, across it, by reweighted least squares. `free`: 2 shift, 3 and turn, 4 and scale."""
     tree = cKDTree(curve_points)
     normal = _normals(curve_points, tree, 7.0 * scale)
@@ -167,7 +183,9 @@ def _refine(start: Similarity, ink: np.ndarray, curve_points: np.ndarray, scale:
         change = np.zeros(4)
         change[:free] = np.linalg.solve(gram, (design * weight[:, None]).T @ away)
         turn, grow = change[2:] / size
-        step = np.array([[1 + grow, -turn], [turn, 1 + grow]]) / (1.0 if free == 4 else np.hypot(1, turn))
+        step = np.array([[1 + grow, -turn], [turn, 1 + grow]]) / (
+            1.0 if free == 4 else np.hypot(1, turn)
+        )
         linear, shift = step @ linear, step @ shift + change[:2]
     angle = float(np.arctan2(linear[1, 0], linear[0, 0])) if free > 2 else 0.0
     size = float(np.hypot(*linear[:, 0])) if free > 3 else 1.0

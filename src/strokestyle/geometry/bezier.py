@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from .. import files as limits
 
-def fit_cubics(rings: list[np.ndarray], corners: list[np.ndarray], tolerance: float) -> list[np.ndarray]:
+
+def fit_cubics(
+    rings: list[np.ndarray], corners: list[np.ndarray], tolerance: float
+) -> list[np.ndarray]:
     """Smooth cubic Beziers through closed polygons, within `tolerance` of them.
 
     Schneider 1990 ("An algorithm for automatically fitting digitized curves"), all pieces of all rings in step:
@@ -53,7 +57,9 @@ def fit_cubics(rings: list[np.ndarray], corners: list[np.ndarray], tolerance: fl
     return np.split(cubic, np.searchsorted(home, np.arange(1, len(rings))))
 
 
-def fit_lines(xy: np.ndarray, offsets: np.ndarray, tolerance: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def fit_lines(
+    xy: np.ndarray, offsets: np.ndarray, tolerance: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """Smooth cubic Beziers through open polylines xy (N, 2), as `fit_cubics` has them; corners where they turn sharply.
 
     Returns
@@ -73,14 +79,21 @@ def fit_lines(xy: np.ndarray, offsets: np.ndarray, tolerance: float) -> list[tup
     sharp = (leave * arrive).sum(axis=1) < 0.5
     middle = leave + arrive
     middle = middle / np.maximum(np.hypot(middle[:, 0], middle[:, 1]), 1e-12)[:, None]
-    leave, arrive = np.where(sharp[:, None], leave, middle), np.where(sharp[:, None], arrive, middle)
+    leave, arrive = (
+        np.where(sharp[:, None], leave, middle),
+        np.where(sharp[:, None], arrive, middle),
+    )
     cut = sharp.copy()
     cut[first] = cut[last] = True
     row = np.flatnonzero(cut)
     line = np.repeat(np.arange(len(count)), count)[row]
     inside = line[1:] == line[:-1]
-    cubic, begin, home = _fit(xy, leave, arrive, row[:-1][inside], row[1:][inside], line[:-1][inside], tolerance)
-    cubics, begins = (np.split(part, np.searchsorted(home, np.arange(1, len(count)))) for part in (cubic, begin))
+    cubic, begin, home = _fit(
+        xy, leave, arrive, row[:-1][inside], row[1:][inside], line[:-1][inside], tolerance
+    )
+    cubics, begins = (
+        np.split(part, np.searchsorted(home, np.arange(1, len(count)))) for part in (cubic, begin)
+    )
     return [(c, np.r_[b, z] - a) for c, b, a, z in zip(cubics, begins, first, last, strict=True)]
 
 
@@ -118,7 +131,11 @@ def _fit_spans(xy, first_tangent, last_tangent, begin, end, tolerance):
     # the tangents of a span without points between are held to nothing: they must not carry its curve off the chord
     along_chord = (p3 - p0) / np.maximum(chord, 1e-12)[:, None]
     third1, third2 = (
-        np.where(count > 2, length / 3, np.minimum(length / 3, tolerance / np.maximum(_lean(tangent, way), 1e-12)))
+        np.where(
+            count > 2,
+            length / 3,
+            np.minimum(length / 3, tolerance / np.maximum(_lean(tangent, way), 1e-12)),
+        )
         for tangent, way in ((t1, along_chord), (t2, -along_chord))
     )
 
@@ -130,7 +147,10 @@ def _fit_spans(xy, first_tangent, last_tangent, begin, end, tolerance):
         rest = q - (b0 + b1)[:, None] * p0[span] - (b2 + b3)[:, None] * p3[span]
         c11, c22 = total(b1 * b1), total(b2 * b2)
         c12 = total(b1 * b2) * (t1 * t2).sum(axis=1)
-        x1, x2 = total(b1 * (rest * t1[span]).sum(axis=1)), total(b2 * (rest * t2[span]).sum(axis=1))
+        x1, x2 = (
+            total(b1 * (rest * t1[span]).sum(axis=1)),
+            total(b2 * (rest * t2[span]).sum(axis=1)),
+        )
         det = c11 * c22 - c12 * c12
         solvable = (count > 2) & (det > 1e-9 * np.maximum(c11 * c22, 1e-12))
         safe = np.where(solvable, det, 1.0)
@@ -139,7 +159,12 @@ def _fit_spans(xy, first_tangent, last_tangent, begin, end, tolerance):
         solvable &= (h1 > 0.01 * chord) & (h2 > 0.01 * chord) & (h1 + h2 < 1.5 * length)
         h1, h2 = np.where(solvable, h1, third1), np.where(solvable, h2, third2)
         p1, p2 = p0 + h1[:, None] * t1, p3 + h2[:, None] * t2
-        curve = b0[:, None] * p0[span] + b1[:, None] * p1[span] + b2[:, None] * p2[span] + b3[:, None] * p3[span]
+        curve = (
+            b0[:, None] * p0[span]
+            + b1[:, None] * p1[span]
+            + b2[:, None] * p2[span]
+            + b3[:, None] * p3[span]
+        )
         off = curve - q
         if attempt < 2:  # one Newton step towards the nearest parameter
             d1 = 3 * (
@@ -147,18 +172,24 @@ def _fit_spans(xy, first_tangent, last_tangent, begin, end, tolerance):
                 + (2 * t * (1 - t))[:, None] * (p2 - p1)[span]
                 + (t * t)[:, None] * (p3 - p2)[span]
             )
-            d2 = 6 * ((1 - t)[:, None] * (p2 - 2 * p1 + p0)[span] + t[:, None] * (p3 - 2 * p2 + p1)[span])
+            d2 = 6 * (
+                (1 - t)[:, None] * (p2 - 2 * p1 + p0)[span] + t[:, None] * (p3 - 2 * p2 + p1)[span]
+            )
             slope = (d1 * d1 + off * d2).sum(axis=1)
             move = (off * d1).sum(axis=1) / np.where(slope > 1e-12, slope, np.inf)
             t = np.clip(t - move, 0.0, 1.0)
             t[head], t[head + count - 1] = 0.0, 1.0
-    error = np.round(np.hypot(off[:, 0], off[:, 1]), 9)  # so that ties fall alike whatever else is fitted beside
+    error = np.round(
+        np.hypot(off[:, 0], off[:, 1]), 9
+    )  # so that ties fall alike whatever else is fitted beside
     # a curve that keeps to the points must keep to the polygon's edges between them too
     close = (np.maximum.reduceat(error, head) <= tolerance) & (count > 2)
     k = np.flatnonzero((span[1:] == span[:-1]) & close[span[1:]])
     s = span[k]
     w = (0.5 * (t[k] + t[k + 1]))[:, None]
-    middle = (1 - w) ** 2 * ((1 - w) * p0[s] + 3 * w * p1[s]) + w * w * (3 * (1 - w) * p2[s] + w * p3[s])
+    middle = (1 - w) ** 2 * ((1 - w) * p0[s] + 3 * w * p1[s]) + w * w * (
+        3 * (1 - w) * p2[s] + w * p3[s]
+    )
     between = np.round(_from_edges(middle, q[k], q[k + 1]), 9)
     error[k], error[k + 1] = np.maximum(error[k], between), np.maximum(error[k + 1], between)
     worst = np.maximum.reduceat(error, head)
@@ -182,3 +213,38 @@ def _from_edges(points, a, b):
     at = np.clip((off * d).sum(axis=1) / np.maximum((d * d).sum(axis=1), 1e-18), 0.0, 1.0)
     off = off - at[:, None] * d
     return np.hypot(off[:, 0], off[:, 1])
+
+
+Segment = tuple[
+    float, float, float, float, float, float, float, float
+]  # a cubic's four points, x and y in turn
+
+
+def flatten(
+    cubics: np.ndarray, offsets: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Chains of cubics (S, 4, 2), the i-th in rows offsets[i]:offsets[i+1], as polylines xy (N, 2) and their offsets.
+
+    Chords keep within `tolerance` of the curve: n of them are off by at most max |B''| / 8 n^2.
+    """
+    bend = np.linalg.norm(cubics[:, :-2] - 2 * cubics[:, 1:-1] + cubics[:, 2:], axis=2).max(axis=1)
+    wanted = np.maximum(np.ceil(np.sqrt(6 * bend / (8 * tolerance))), 1.0)
+    if wanted.sum() > limits.MAX_POINTS:
+        raise ValueError(
+            f"its curves need more than {limits.MAX_POINTS} points on this canvas: simplify the drawing first"
+        )
+    count = wanted.astype(np.int64)
+    which = np.repeat(np.arange(len(cubics)), count)
+    before = np.cumsum(count) - count
+    t = ((np.arange(len(which)) - before[which] + 1) / count[which])[:, None]
+    s = 1 - t
+    p = cubics[which]
+    along = s**3 * p[:, 0] + 3 * s**2 * t * p[:, 1] + 3 * s * t**2 * p[:, 2] + t**3 * p[:, 3]
+    new = np.r_[0, np.cumsum(count)][offsets] + np.arange(
+        len(offsets)
+    )  # every chain has its start besides
+    xy = np.empty((new[-1], 2))
+    start = np.zeros(len(xy), bool)
+    start[new[:-1]] = True
+    xy[start], xy[~start] = cubics[offsets[:-1], 0], along
+    return xy, new

@@ -2,13 +2,68 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 
+
+def clip(curves: Curves, width: int, height: int) -> Curves:
+    """The parts of curves inside the canvas, cut at its edge; curves of no length are dropped."""
+    return clip_with_source(curves, width, height)[0]
+
+
+def clip_with_source(curves: Curves, width: int, height: int) -> tuple[Curves, np.ndarray]:
+    """What `clip` gives, and the curve that each piece is of (C,)."""
+    out, source, closed = [], [], []
+    for i in range(len(curves)):
+        points = curves[i]
+        if points.min() >= 0 and points[:, 0].max() <= width and points[:, 1].max() <= height:
+            pieces = [points]
+        else:
+            pieces = _clip_line(points, width, height)
+        for piece in pieces:
+            if np.ptp(piece, axis=0).max() > 1e-6:
+                out.append(piece)
+                source.append(i)
+                closed.append(bool(curves.closed[i]) and piece is points)
+    source = np.array(source, np.int64)
+    return (Curves.from_list(out, curves.kind[source], closed) if out else Curves.empty()), source
+
+
+def _clip_line(points: np.ndarray, width: int, height: int) -> list[np.ndarray]:
+    """Liang-Barsky on every segment of one polyline (n, 2)."""
+    a, d = points[:-1], np.diff(points, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = -a / d, (np.array([width, height]) - a) / d
+    flat = np.abs(d) < 1e-12
+    outside = flat & ((a < 0) | (a > [width, height]))
+    t0 = np.where(flat, 0.0, np.minimum(low, high)).max(axis=1).clip(0, 1)
+    t1 = np.where(flat, 1.0, np.maximum(low, high)).min(axis=1).clip(0, 1)
+    keep = (t1 > t0) & ~outside.any(axis=1)
+    pieces, current = [], []
+    for i in np.flatnonzero(keep):
+        begin, end = a[i] + t0[i] * d[i], a[i] + t1[i] * d[i]
+        if not current or t0[i] > 0 or np.abs(current[-1] - begin).max() > 1e-9:
+            current = [begin]
+            pieces.append(current)
+        current.append(end)
+    return [np.array(piece) for piece in pieces]
+
+
 # Line kinds in order of priority: where two run together, the earlier one stays.
-KINDS = ("contour", "boundary", "crease", "suggestive", "ridge", "valley", "apparent", "intersection", "other")
+KINDS = (
+    "contour",
+    "boundary",
+    "crease",
+    "suggestive",
+    "ridge",
+    "valley",
+    "apparent",
+    "intersection",
+    "other",
+)
 DEFAULT_SPACING = 3.0  # px between curve points, as in the authors' code
 
 
@@ -46,7 +101,9 @@ class Curves:
         check_offsets(offsets, len(xy), 2, "Curves")
         count = len(offsets) - 1
         if kind.shape != (count,) or closed.shape != (count,):
-            raise ValueError(f"Curves.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}")
+            raise ValueError(
+                f"Curves.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}"
+            )
         if count and not (0 <= kind.min() and kind.max() < len(KINDS)):
             raise ValueError(f"Curves.kind must lie in 0..{len(KINDS) - 1}")
         for name, value in (("xy", xy), ("offsets", offsets), ("kind", kind), ("closed", closed)):
@@ -73,7 +130,12 @@ class Curves:
             kind = np.full(len(polylines), KINDS.index("other"))
         if closed is None:
             closed = [len(line) > 3 and np.array_equal(line[0], line[-1]) for line in polylines]
-        return cls(np.concatenate(polylines), np.r_[0, np.cumsum([len(p) for p in polylines])], kind, closed)
+        return cls(
+            np.concatenate(polylines),
+            np.r_[0, np.cumsum([len(p) for p in polylines])],
+            kind,
+            closed,
+        )
 
     def take(self, index) -> Curves:
         """The curves of an index or mask over C, in that order."""
@@ -140,7 +202,9 @@ def blurred(values: np.ndarray, sigma: float, closed: bool = False) -> np.ndarra
     else:
         before, after = values[reach:0:-1], values[-2 : -2 - reach : -1]
         padded = np.concatenate([2 * values[:1] - before, values, 2 * values[-1:] - after])
-    return ndimage.gaussian_filter1d(padded, sigma, axis=0, mode="nearest")[reach : reach + len(values)]
+    return ndimage.gaussian_filter1d(padded, sigma, axis=0, mode="nearest")[
+        reach : reach + len(values)
+    ]
 
 
 def tangents(xy: np.ndarray, offsets: np.ndarray, closed: np.ndarray | None = None) -> np.ndarray:
@@ -262,3 +326,40 @@ def simplify_all(xy: np.ndarray, offsets: np.ndarray, tolerance: float | np.ndar
         cut = worst > np.square(slack)
         keep[at[cut]] = True
         a, b, slack = np.r_[a[cut], at[cut]], np.r_[at[cut], b[cut]], np.r_[slack[cut], slack[cut]]
+
+
+SAME_POINT = 1e-6  # px; nearer points are one
+
+
+def kind_named(name: str) -> int | None:
+    """Index into KINDS of the kind that a name holds as a word of its own ("layer-contour", "Creases"), or None.
+
+    "suggestive contours" are suggestive: the words that qualify another kind are sought first.
+    """
+    words = [word.lower() for word in re.findall("[A-Z]?[a-z]+|[A-Z]+", name[:200])]
+    singular = {re.sub("s$", "", re.sub("ies$", "y", word)) for word in words}
+    for kind in ("suggestive", "apparent", *KINDS):
+        if kind in singular:
+            return KINDS.index(kind)
+    return None
+
+
+def clean_curves(
+    xy: np.ndarray, offsets: np.ndarray, kind: np.ndarray, closed: np.ndarray | None = None
+) -> Curves:
+    """Curves without repeated points and without those that are but a point; `closed` None: where the ends meet."""
+    which = owner(offsets)
+    keep = np.ones(len(xy), bool)
+    keep[1:] = (np.abs(np.diff(xy, axis=0)) > SAME_POINT).any(axis=1) | (which[1:] != which[:-1])
+    count = np.bincount(which[keep], minlength=len(offsets) - 1)
+    keep &= (count >= 2)[which]
+    usable = np.flatnonzero(count >= 2)
+    if not len(usable):
+        raise ValueError(f"no usable curve in it: none of {len(count)} has two distinct points")
+    xy, offsets = xy[keep], np.r_[0, np.cumsum(count[usable])]
+    start, end = offsets[:-1], offsets[1:] - 1
+    meet = (np.abs(xy[start] - xy[end]) <= SAME_POINT).all(axis=1) & (end - start >= 3)
+    if closed is not None:
+        meet &= closed[usable]
+    xy[end[meet]] = xy[start[meet]]
+    return Curves(xy, offsets, kind[usable], meet)

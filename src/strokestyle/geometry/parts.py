@@ -34,8 +34,12 @@ class Parts:
 
     def __post_init__(self):
         names, index = tuple(map(str, self.names)), np.asarray(self.index, np.int32)
-        if len(set(names)) != len(names) or any(not name or name != part_name(name) for name in names):
-            raise ValueError("Parts.names must be different, not empty and without control characters")
+        if len(set(names)) != len(names) or any(
+            not name or name != part_name(name) for name in names
+        ):
+            raise ValueError(
+                "Parts.names must be different, not empty and without control characters"
+            )
         if index.ndim != 1 or (len(index) and not (-1 <= index.min() and index.max() < len(names))):
             raise ValueError(f"Parts.index must have shape (n,) and lie in -1..{len(names) - 1}")
         object.__setattr__(self, "names", names)
@@ -82,7 +86,9 @@ class Parts:
         """
         line = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
         changes = (np.diff(self.index) != 0) | (np.diff(line) != 0)
-        start = np.flatnonzero(np.r_[np.ones(min(len(line), 1), bool), changes])  # of each run of one part
+        start = np.flatnonzero(
+            np.r_[np.ones(min(len(line), 1), bool), changes]
+        )  # of each run of one part
         end = np.r_[start[1:], len(line)][: len(start)]
         long = np.flatnonzero(along[end - 1] - along[start] >= least)
         a, b = long[:-1], long[1:]
@@ -120,4 +126,8 @@ def part_name(text: str) -> str:
     name = " ".join(_UNFIT.sub("", " ".join(text.split())).split())
     if len(name) <= MAX_NAME:
         return name
-    return name[: MAX_NAME - 9].rstrip() + "~" + hashlib.blake2b(name.encode(), digest_size=4).hexdigest()
+    return (
+        name[: MAX_NAME - 9].rstrip()
+        + "~"
+        + hashlib.blake2b(name.encode(), digest_size=4).hexdigest()
+    )

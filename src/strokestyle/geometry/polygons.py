@@ -2,7 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+
+from .curves import counting
+
+
+def winding_number(
+    rings: np.ndarray,
+    points: np.ndarray,
+    offsets: np.ndarray | None = None,
+    spend: Callable[[int], None] = lambda pairs: None,
+) -> np.ndarray:
+    """How often closed polygons go round each of the points (M, 2), (M,) int.
+
+    Polygon i is rows offsets[i]:offsets[i+1] of `rings` (n, 2); without offsets, all rows are one polygon. `spend` is
+    told beforehand how many pairs of an edge and a point will be looked at, and may refuse.
+    """
+    offsets = np.array([0, len(rings)]) if offsets is None else offsets
+    after, some = np.arange(1, len(rings) + 1), np.flatnonzero(np.diff(offsets))
+    after[offsets[1:][some] - 1] = offsets[:-1][some]
+    (ax, ay), (bx, by) = rings.T, rings[after].T
+    order = np.argsort(points[:, 1], kind="stable")
+    x, y = points[order].T
+    low, high = np.minimum(ay, by), np.maximum(ay, by)
+    first = np.searchsorted(
+        y, low
+    )  # an edge is crossed by points as high as its lower end, but not its upper
+    count = np.searchsorted(y, high) - first
+    spend(int(count.sum()))
+    crossed = np.flatnonzero(count)
+    first, count = first[crossed], count[crossed]
+    dx, dy = (bx - ax)[crossed], (by - ay)[crossed]
+    at = counting(count) + np.repeat(first, count)
+    # where a point's level meets the edge: round a point that lies to the left of it, the edge turns
+    meets = np.repeat(ax[crossed], count) + (y[at] - np.repeat(ay[crossed], count)) * np.repeat(
+        dx / dy, count
+    )
+    turns = np.bincount(
+        at, np.where(x[at] < meets, np.repeat(np.sign(dy), count), 0.0), len(points)
+    )
+    winding = np.empty(len(points), np.int64)
+    winding[order] = np.rint(turns).astype(np.int64)
+    return winding
+
 
 LEFT, TOP, RIGHT, BOTTOM = range(4)  # sides of a cell
 

@@ -1,0 +1,1 @@
+"""A mesh file becomes a Surface: read, repaired, split at creases, measured."""

@@ -15,27 +15,13 @@ FOLDED = 150.0  # degrees: at an edge that bends more, a face is folded over
 MANY = 64  # sharp edges at one vertex: a fan, and none goes on as another
 
 
-def bends(normals: np.ndarray, faces: np.ndarray, uses: np.ndarray, clash: np.ndarray) -> np.ndarray:
-    """Angle between the two faces at each edge, radians (E,); 0 where there are not two.
-
-    Parameters
-    ----------
-    normals : (F, 3) unit
-    faces : (E, 2) int, the faces at each edge
-    uses : (E,) int, how many faces there are
-    clash : (E,) bool, edges about which no winding agrees: one of the normals is the wrong way round there
-    """
-    inner = np.flatnonzero(uses == 2)
-    f, g = faces[inner].T
-    cosine = np.einsum("ij,ij->i", normals[f], normals[g])
-    cosine[clash[inner]] *= -1.0
-    bend = np.zeros(len(uses))
-    bend[inner] = np.arccos(np.clip(cosine, -1.0, 1.0))
-    return bend
-
-
 def creases(
-    points: np.ndarray, ends: np.ndarray, of_side: np.ndarray, faces: np.ndarray, bend: np.ndarray, angle: float
+    points: np.ndarray,
+    ends: np.ndarray,
+    of_side: np.ndarray,
+    faces: np.ndarray,
+    bend: np.ndarray,
+    angle: float,
 ) -> np.ndarray:
     """The edges (E,) bool that are creases: those of more than `angle` that hold together as a line would.
 
@@ -68,7 +54,9 @@ def creases(
     share = reach / np.maximum(np.bincount(chain, length), 1e-30)
     beside = _bend_beside(points, ends, of_side, faces, bend, edge, along)
     beside = np.where(folded, ROUND * bend[edge], beside)
-    roundness = np.bincount(chain, length * beside) / np.maximum(np.bincount(chain, length * bend[edge]), 1e-30)
+    roundness = np.bincount(chain, length * beside) / np.maximum(
+        np.bincount(chain, length * bend[edge]), 1e-30
+    )
     good = reach >= np.maximum(LONG * (roundness / ROUND) ** 2, SHORT)
     kept = good[chain] & (strong | (share >= 0.5)[chain])
     met = np.zeros(len(points), bool)
@@ -87,7 +75,9 @@ def _chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:
     vertex = ends.ravel()[order]
     start = np.flatnonzero(np.r_[True, vertex[1:] != vertex[:-1]])
     degree = np.diff(np.r_[start, 2 * count])
-    left = np.repeat(start + degree, degree) - np.arange(2 * count) - 1  # ends of the same vertex yet to come
+    left = (
+        np.repeat(start + degree, degree) - np.arange(2 * count) - 1
+    )  # ends of the same vertex yet to come
     left[np.repeat(degree, degree) > MANY] = 0
     one, two = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for k in range(1, int(left.max(initial=0)) + 1):
@@ -103,7 +93,9 @@ def _chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:
     np.maximum.at(best, one, cosine)
     np.maximum.at(best, two, cosine)
     both = (cosine == best[one]) & (cosine == best[two])
-    links = coo_matrix((np.ones(both.sum(), np.int8), (one[both] // 2, two[both] // 2)), shape=(count, count))
+    links = coo_matrix(
+        (np.ones(both.sum(), np.int8), (one[both] // 2, two[both] // 2)), shape=(count, count)
+    )
     return connected_components(links, directed=False)[1]
 
 

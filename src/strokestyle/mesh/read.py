@@ -23,6 +23,7 @@ _EXTRA_PACKAGES = {
     ".dxf": "ezdxf",
     ".msh": "gmsh",
 }
+
 _MADE_UP = r"((geometry|GLTF|world)(_\d+)?|\d+)?"  # trimesh's own names of parts
 _SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
 _NO_KEYWORDS = bytes.maketrans(b"vf", b"  ")
@@ -52,7 +53,9 @@ def read_mesh(path: Path) -> Triangles:
             except ValueError as error:
                 raise ValueError(f"{path}: damaged, or not in obj format ({error})") from None
         else:
-            with contextlib.suppress(ValueError, KeyError, IndexError, OverflowError):  # not of the common kind
+            with contextlib.suppress(
+                ValueError, KeyError, IndexError, OverflowError
+            ):  # not of the common kind
                 found = read_ply(data) if suffix == ".ply" else read_stl(data)
     if found:
         vertices, faces, part, names = found
@@ -61,7 +64,9 @@ def read_mesh(path: Path) -> Triangles:
         vertices, faces, part, names, points = _read_with_trimesh(path, suffix)
     if not len(faces):
         if points:
-            raise ValueError(f"{path}: no faces in it ({points} points): a point cloud cannot be drawn; mesh it first")
+            raise ValueError(
+                f"{path}: no faces in it ({points} points): a point cloud cannot be drawn; mesh it first"
+            )
         raise ValueError(f"{path}: no faces in it: damaged, or not in {suffix[1:]} format")
     return vertices, faces, part, names
 
@@ -86,7 +91,9 @@ def read_obj(data: bytes) -> Triangles:
     if b"\n " in data:
         data = re.sub(rb"\n +", b"\n", data)
     text = np.frombuffer(data, np.uint8)
-    start = np.flatnonzero(text == ord("\n"))[:-2] + 1  # of every line, and of an empty one after the last
+    start = (
+        np.flatnonzero(text == ord("\n"))[:-2] + 1
+    )  # of every line, and of an empty one after the last
     first, spaced = text[start], text[start + 1] == ord(" ")
     is_vertex, is_face, is_object = (spaced & (first == ord(letter)) for letter in "vfo")
     grouped = not is_object.any()
@@ -96,9 +103,13 @@ def read_obj(data: bytes) -> Triangles:
     vertex, face = np.flatnonzero(is_vertex), np.flatnonzero(is_face)
     values, count = _numbers(_lines(data, start, vertex), float, start, vertex, data)
     if (count < 3).any():
-        raise ValueError(_at(data, start, vertex[np.argmax(count < 3)]) + "a vertex has three coordinates")
+        raise ValueError(
+            _at(data, start, vertex[np.argmax(count < 3)]) + "a vertex has three coordinates"
+        )
     begin = np.cumsum(count) - count
-    vertices = values[begin[:, None] + np.arange(3)] if (count != 3).any() else values.reshape(-1, 3)
+    vertices = (
+        values[begin[:, None] + np.arange(3)] if (count != 3).any() else values.reshape(-1, 3)
+    )
 
     corners = _lines(data, start, face)
     if b"/" in corners:
@@ -110,7 +121,9 @@ def read_obj(data: bytes) -> Triangles:
     lost = (corner < 0) | (corner >= len(vertices))
     if lost.any():
         at = line[np.argmax(lost)]
-        raise ValueError(_at(data, start, at) + f"a face names a vertex that is none of the {len(vertices)}")
+        raise ValueError(
+            _at(data, start, at) + f"a face names a vertex that is none of the {len(vertices)}"
+        )
     fan = np.maximum(count - 2, 0)  # triangles of each polygon
     polygon = np.repeat(np.arange(len(face)), fan)
     k = np.arange(len(polygon)) - np.repeat(np.cumsum(fan) - fan, fan)
@@ -129,7 +142,10 @@ def read_obj(data: bytes) -> Triangles:
 def _lines(data: bytes, start: np.ndarray, which: np.ndarray) -> bytes:
     """Lines `which` (rising indices into `start`), one after the other, without keyword and comments."""
     run = np.flatnonzero(np.diff(which, prepend=-2) != 1)
-    low, high = start[which[run]], start[which[np.r_[run[1:], len(which)] - 1] + 1] if len(which) else run
+    low, high = (
+        start[which[run]],
+        start[which[np.r_[run[1:], len(which)] - 1] + 1] if len(which) else run,
+    )
     lines = b"".join([data[a:b] for a, b in zip(low.tolist(), high.tolist(), strict=True)])
     if b"#" in lines:
         lines = re.sub(rb"#[^\n]*", b"", lines)
@@ -146,14 +162,18 @@ def _numbers(lines: bytes, dtype, start, which, data) -> tuple[np.ndarray, np.nd
     if not len(first):  # of which numpy makes a number
         return np.zeros(0, dtype), count
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # some versions of numpy warn of what is no number, and stop there
+        warnings.simplefilter(
+            "ignore"
+        )  # some versions of numpy warn of what is no number, and stop there
         try:
             values = np.fromstring(lines, dtype, sep=" ")
         except ValueError:
             values = np.zeros(0, dtype)
     if len(values) != len(first):
         kind = int if dtype is np.int64 else float
-        bad = next((i for i, word in enumerate(lines.split()) if not _reads_as(kind, word)), len(first) - 1)
+        bad = next(
+            (i for i, word in enumerate(lines.split()) if not _reads_as(kind, word)), len(first) - 1
+        )
         at = which[np.searchsorted(np.cumsum(count), bad, side="right")]
         raise ValueError(_at(data, start, at) + "not a number")
     return values, count
@@ -200,12 +220,20 @@ def read_ply(data: bytes) -> Triangles:
             elements[-1][2].append(words[1:])
     (vertex, count, columns), (face, rows, lists) = elements[:2]
     names = [column[-1] for column in columns]
-    _expect((vertex, face) == ("vertex", "face") and count > 0 and rows > 0 and len(lists) == 1 and len(lists[0]) == 4)
+    _expect(
+        (vertex, face) == ("vertex", "face")
+        and count > 0
+        and rows > 0
+        and len(lists) == 1
+        and len(lists[0]) == 4
+    )
     _expect(all(len(column) == 2 for column in columns) and len(set(names)) == len(names))
     body = data[header.end() :]
     if form == "ascii":
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # some versions of numpy warn of what is no number, and stop there
+            warnings.simplefilter(
+                "ignore"
+            )  # some versions of numpy warn of what is no number, and stop there
             numbers = np.fromstring(body, sep=" ")
         values, table = np.split(numbers, [count * len(names)])
         vertices = values.reshape(count, -1)[:, [names.index(axis) for axis in "xyz"]]
@@ -223,15 +251,24 @@ def read_ply(data: bytes) -> Triangles:
         _expect(corners < 100)
         table = np.frombuffer(body, [("count", many), ("corner", one, (corners,))], rows, begin)
         counts, polygons = table["count"], table["corner"].astype(np.int64)
-    _expect(corners >= 3 and (counts == corners).all() and polygons.min() >= 0 and polygons.max() < count)
-    faces = np.stack([polygons[:, [0, k, k + 1]] for k in range(1, corners - 1)], axis=1).reshape(-1, 3)
+    _expect(
+        corners >= 3
+        and (counts == corners).all()
+        and polygons.min() >= 0
+        and polygons.max() < count
+    )
+    faces = np.stack([polygons[:, [0, k, k + 1]] for k in range(1, corners - 1)], axis=1).reshape(
+        -1, 3
+    )
     return vertices, faces, np.zeros(len(faces), np.int64), ("",)
 
 
 def read_stl(data: bytes) -> Triangles:
     """The faces of a binary STL file. Raises ValueError on any other, damaged or not."""
     _expect(len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"))
-    table = np.frombuffer(data, [("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("colour", "<u2")], offset=84)
+    table = np.frombuffer(
+        data, [("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("colour", "<u2")], offset=84
+    )
     vertices = table["corner"].reshape(-1, 3).astype(np.float64)
     return vertices, np.arange(len(vertices)).reshape(-1, 3), np.zeros(len(table), np.int64), ("",)
 
@@ -244,7 +281,9 @@ def _expect(common) -> None:
 # ---------------------------------------------------------------------------------------------------------- trimesh
 
 
-def _read_with_trimesh(path: Path, suffix: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...], int]:
+def _read_with_trimesh(
+    path: Path, suffix: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...], int]:
     """What `read_mesh` returns, and the number of points in the file, with or without faces."""
     import trimesh
 
@@ -252,30 +291,54 @@ def _read_with_trimesh(path: Path, suffix: str) -> tuple[np.ndarray, np.ndarray,
     if suffix.lstrip(".") not in known:
         extra = _EXTRA_PACKAGES.get(suffix)
         if extra:
-            raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}")
-        what = f"{suffix} is not a mesh format" if suffix else "no suffix to tell the mesh format by"
+            raise ValueError(
+                f"{path}: reading {suffix} files needs another package: pip install {extra}"
+            )
+        what = (
+            f"{suffix} is not a mesh format" if suffix else "no suffix to tell the mesh format by"
+        )
         raise ValueError(f"{path}: {what}; use obj, ply, stl, off or glb")
     try:
         with _silence():
             scene = trimesh.load_scene(str(path), process=False)
             above = scene.graph.transforms.parents
-            parts = [geometry for geometry in scene.dump() if len(getattr(geometry, "vertices", ()))]
+            parts = [
+                geometry for geometry in scene.dump() if len(getattr(geometry, "vertices", ()))
+            ]
     except OSError as error:
         raise type(error)(f"{path}: cannot be read ({_line(error)})") from None
     except ImportError as error:
-        extra = _EXTRA_PACKAGES.get(suffix) or getattr(error, "name", None) or "the package it names"
-        raise ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}") from None
+        extra = (
+            _EXTRA_PACKAGES.get(suffix) or getattr(error, "name", None) or "the package it names"
+        )
+        raise ValueError(
+            f"{path}: reading {suffix} files needs another package: pip install {extra}"
+        ) from None
     except Exception as error:  # a damaged file can fail anywhere inside a parser, in any way
-        raise ValueError(f"{path}: damaged, or not in {suffix[1:]} format ({_line(error)})") from None
-    meshes = [geometry for geometry in parts if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)]
+        raise ValueError(
+            f"{path}: damaged, or not in {suffix[1:]} format ({_line(error)})"
+        ) from None
+    meshes = [
+        geometry
+        for geometry in parts
+        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)
+    ]
     points = sum(len(geometry.vertices) for geometry in parts)
     if not meshes:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.int64), (), points
     offset = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     vertices = np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes])
-    faces = np.concatenate([np.asarray(mesh.faces, np.int64) + at for mesh, at in zip(meshes, offset, strict=False)])
+    faces = np.concatenate(
+        [np.asarray(mesh.faces, np.int64) + at for mesh, at in zip(meshes, offset, strict=False)]
+    )
     part = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
-    return vertices, faces, part, tuple(_part_name(mesh.metadata, above, path) for mesh in meshes), points
+    return (
+        vertices,
+        faces,
+        part,
+        tuple(_part_name(mesh.metadata, above, path) for mesh in meshes),
+        points,
+    )
 
 
 def _part_name(metadata: dict, above: dict[str, str], path: Path) -> str:
@@ -284,7 +347,9 @@ def _part_name(metadata: dict, above: dict[str, str], path: Path) -> str:
     parent = str(above.get(node) or "")
     if parent and re.fullmatch(re.escape(parent) + "_[0-9a-f]{6}", node):
         node = parent  # one of several pieces of a mesh, such as those of different materials
-    given = (text for text in (node, name) if text != path.name and not re.fullmatch(_MADE_UP, text))
+    given = (
+        text for text in (node, name) if text != path.name and not re.fullmatch(_MADE_UP, text)
+    )
     return next(given, "")
 
 

@@ -9,6 +9,76 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 
+def bends(
+    normals: np.ndarray, faces: np.ndarray, uses: np.ndarray, clash: np.ndarray
+) -> np.ndarray:
+    """Angle between the two faces at each edge, radians (E,); 0 where there are not two.
+
+    Parameters
+    ----------
+    normals : (F, 3) unit
+    faces : (E, 2) int, the faces at each edge
+    uses : (E,) int, how many faces there are
+    clash : (E,) bool, edges about which no winding agrees: one of the normals is the wrong way round there
+    """
+    inner = np.flatnonzero(uses == 2)
+    f, g = faces[inner].T
+    cosine = np.einsum("ij,ij->i", normals[f], normals[g])
+    cosine[clash[inner]] *= -1.0
+    bend = np.zeros(len(uses))
+    bend[inner] = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return bend
+
+
+THIN = 1e-4  # of the longest side: the normal of a lower face is mostly the rounding of its corners
+TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a mesh of size 1
+
+
+def face_normals(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndarray:
+    """Unit normals (F, 3). Faces lower than THIN have that of the face at their longest side: their own is noise."""
+    side = side_vectors(points, faces)
+    cross = np.cross(side[0], side[1])
+    length = np.sqrt(np.stack([row_dot(s, s) for s in side]))
+    normal = unit_rows(cross)
+    thin = np.flatnonzero(np.sqrt(row_dot(cross, cross)) < THIN * length.max(axis=0))
+    for _ in range(4):  # thin faces may lie in a row
+        longest = edges.of_side[thin, (length[:, thin].argmax(axis=0) + 1) % 3]
+        pair = edges.sides[longest] // 3
+        other = pair.sum(axis=1) - thin
+        normal[thin] = np.where((pair >= 0).all(axis=1)[:, None], normal[other], normal[thin])
+    return normal
+
+
+def clashes(faces: np.ndarray, edges: Edges) -> np.ndarray:
+    """(E,) bool, edges of two faces that both run the same way along it."""
+    forward = faces < np.roll(
+        faces, -1, axis=1
+    )  # side runs from its edge's lower to its higher vertex
+    runs = np.bincount(edges.of_side.ravel(), weights=forward.ravel(), minlength=len(edges))
+    return (edges.uses == 2) & (runs != 1)
+
+
+def row_dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...i->...", a, b)
+
+
+def unit_rows(v: np.ndarray) -> np.ndarray:
+    return v / np.maximum(np.sqrt(row_dot(v, v)), TINY)[..., None]
+
+
+def scatter_sum(index: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Sum real or complex values (N,) by index (N,) into (count,)."""
+    if np.iscomplexobj(values):
+        return scatter_sum(index, values.real, count) + 1j * scatter_sum(index, values.imag, count)
+    return np.bincount(index, weights=values, minlength=count)
+
+
+def side_vectors(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
+    """The three sides (F, 3) of each face, side i opposite corner i."""
+    p0, p1, p2 = (vertices[faces[:, i]] for i in range(3))
+    return [p2 - p1, p0 - p2, p1 - p0]
+
+
 @dataclass(frozen=True, eq=False)
 class Edges:
     """The edges of faces (F, 3). Side i of a face runs from its corner i to corner i + 1.
@@ -36,7 +106,9 @@ class Edges:
         new = np.r_[True, ordered[1:] != ordered[:-1]]
         first = np.flatnonzero(new)
         uses = np.diff(np.r_[first, len(key)])
-        if (uses > 2).any():  # rare, and the first two of many must be found: equal keys in the order of the faces
+        if (
+            uses > 2
+        ).any():  # rare, and the first two of many must be found: equal keys in the order of the faces
             order = np.argsort(key, kind="stable")
         one = order[first]
         two = np.where(uses > 1, order[np.minimum(first + 1, len(key) - 1)], -1)
@@ -44,7 +116,12 @@ class Edges:
         sides = np.stack([np.where(swap, two, one), np.where(swap, one, two)], axis=1)
         of_side = np.empty(len(key), np.int64)
         of_side[order] = np.cumsum(new) - 1
-        return cls(np.stack(np.divmod(ordered[first], count), axis=1), of_side.reshape(faces.shape), uses, sides)
+        return cls(
+            np.stack(np.divmod(ordered[first], count), axis=1),
+            of_side.reshape(faces.shape),
+            uses,
+            sides,
+        )
 
     def __len__(self) -> int:
         return len(self.ends)
@@ -61,7 +138,9 @@ class Edges:
         face, side = np.divmod(self.sides, 3)
         swapped = (self.sides >= 0) & turn[face] & (side < 2)
         of_side = np.where(turn[:, None], self.of_side[:, [1, 0, 2]], self.of_side)
-        return replace(self, of_side=of_side, sides=np.where(swapped, 3 * face + 1 - side, self.sides))
+        return replace(
+            self, of_side=of_side, sides=np.where(swapped, 3 * face + 1 - side, self.sides)
+        )
 
     def at_face(self, flag: np.ndarray) -> np.ndarray:
         """(F,) bool: faces with an edge of which `flag` (E,) is true."""

@@ -17,7 +17,9 @@ from torch import Tensor
 REACH = 0.75  # px: an edge farther than sqrt(1/2) from a pixel's centre does not touch the pixel
 SLACK = 1e-3  # px by which slabs and cones overlap, so that rounding leaves no pixel between them
 FAR = 1e9
-HAIR = 0.01  # px: a stroke of no thickness is looked for as if it had this radius, so that it can grow
+HAIR = (
+    0.01  # px: a stroke of no thickness is looked for as if it had this radius, so that it can grow
+)
 
 
 def coverage(
@@ -57,9 +59,16 @@ def coverage(
     if not bool(torch.isfinite(xy.detach()).all() & torch.isfinite(thickness.detach()).all()):
         raise ValueError("coverage: a point or a thickness is not finite")
     if image is None:
-        image, images, shape = torch.zeros(len(offsets) - 1, dtype=torch.int64, device=xy.device), 1, (height, width)
+        image, images, shape = (
+            torch.zeros(len(offsets) - 1, dtype=torch.int64, device=xy.device),
+            1,
+            (height, width),
+        )
     else:
-        image, shape = torch.as_tensor(image, dtype=torch.int64, device=xy.device), (images, height, width)
+        image, shape = (
+            torch.as_tensor(image, dtype=torch.int64, device=xy.device),
+            (images, height, width),
+        )
     blank = xy.new_zeros(images * height * width)
     if not len(xy):
         return (blank + 0.0 * (xy.sum() + thickness.sum())).view(shape)
@@ -72,7 +81,9 @@ def coverage(
         touched = torch.nonzero(cover > 0).squeeze(1)
         element, pixel, cover = (a.index_select(0, touched) for a in (element, pixel, cover))
         normal = normal.index_select(1, touched)  # (2, P)
-        first = _best(cover, pixel, len(blank))  # (image pixels,) the pair that covers a pixel most, -1 = none
+        first = _best(
+            cover, pixel, len(blank)
+        )  # (image pixels,) the pair that covers a pixel most, -1 = none
         mine = first.index_select(0, pixel)
         most = cover.index_select(0, mine)
         extra = _union(most, cover, (normal * normal.index_select(1, mine)).sum(0)) - most
@@ -86,7 +97,9 @@ def coverage(
         first, second = first.index_select(0, inked), second.index_select(0, inked)
         crossed = torch.nonzero(second >= 0).squeeze(1)
         second = keep.index_select(0, second.index_select(0, crossed))
-        angle = (normal.index_select(1, first.index_select(0, crossed)) * normal.index_select(1, second)).sum(0)
+        angle = (
+            normal.index_select(1, first.index_select(0, crossed)) * normal.index_select(1, second)
+        ).sum(0)
         both = torch.cat([first, second])
         both, both_pixel = element.index_select(0, both), pixel.index_select(0, both)
     value = _cover(elements, slab, both, _centre(both_pixel, height, width))[0]
@@ -99,7 +112,9 @@ def coverage(
 
 def _elements(xy: Tensor, radius: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Segments, then points: (start x, y, vector x, y, radius, its change) (6, E); their stroke; whether a slab."""
-    owner = torch.repeat_interleave(torch.arange(len(offsets) - 1, device=xy.device), offsets.diff())
+    owner = torch.repeat_interleave(
+        torch.arange(len(offsets) - 1, device=xy.device), offsets.diff()
+    )
     begin = torch.nonzero(owner[:-1] == owner[1:]).squeeze(1)
     point = torch.cat([xy.T, radius[None]])  # (3, N)
     at = point.index_select(1, begin)
@@ -119,7 +134,11 @@ def _directions(vector: Tensor, stroke: Tensor) -> tuple[Tensor, Tensor]:
     if not bool(good.all()):
         index, last = torch.arange(len(vector), device=vector.device), len(vector) - 1
         before = torch.cummax(torch.where(good, index, -1), dim=0)[0].clamp(min=0)
-        after = torch.cummin(torch.where(good, index, last + 1).flip(0), dim=0)[0].flip(0).clamp(max=last)
+        after = (
+            torch.cummin(torch.where(good, index, last + 1).flip(0), dim=0)[0]
+            .flip(0)
+            .clamp(max=last)
+        )
         source = torch.where(good[before] & (stroke[before] == stroke), before, after)
         known = good[source] & (stroke[source] == stroke)
         tangent = torch.where(known[:, None], tangent[source], tangent.new_tensor([1.0, 0.0]))
@@ -165,7 +184,9 @@ def _near(elements, stroke, slab, offsets, image, height, width) -> tuple[Tensor
     row = row + top.index_select(0, element)
     # the row's interval of x; a slab has no chord
     size = torch.where(slab, FAR, radius)
-    table = torch.stack([*start.T, size, low1, high1, *g1.T, low2, high2, *g2.T]).index_select(1, element)
+    table = torch.stack([*start.T, size, low1, high1, *g1.T, low2, high2, *g2.T]).index_select(
+        1, element
+    )
     x, y, size, low1, high1, x1, y1, low2, high2, x2, y2 = table.unbind(0)
     dy = row + 0.5 - y
     left1, right1 = _interval(x1, y1, low1, high1, dy)
@@ -183,10 +204,14 @@ def _near(elements, stroke, slab, offsets, image, height, width) -> tuple[Tensor
 def _expand(count: Tensor) -> tuple[Tensor, Tensor]:
     """Ragged ranges: (which range, place in it) of every item."""
     which = torch.repeat_interleave(torch.arange(len(count), device=count.device), count)
-    return which, torch.arange(len(which), device=count.device) - (count.cumsum(0) - count).index_select(0, which)
+    return which, torch.arange(len(which), device=count.device) - (
+        count.cumsum(0) - count
+    ).index_select(0, which)
 
 
-def _interval(gx: Tensor, gy: Tensor, low: Tensor, high: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
+def _interval(
+    gx: Tensor, gy: Tensor, low: Tensor, high: Tensor, dy: Tensor
+) -> tuple[Tensor, Tensor]:
     """The x for which low <= (gx, gy) . (x, dy) <= high."""
     gx = torch.where(gx.abs() < 1e-7, 1e-7, gx)
     rest = gy * dy
@@ -199,7 +224,9 @@ def _centre(pixel: Tensor, height: int, width: int) -> tuple[Tensor, Tensor]:
     return pixel - row * width + 0.5, row % height + 0.5
 
 
-def _cover(elements: Tensor, slab: Tensor, element: Tensor, p: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+def _cover(
+    elements: Tensor, slab: Tensor, element: Tensor, p: tuple[Tensor, Tensor]
+) -> tuple[Tensor, Tensor]:
     """Cover (P,) of pixels centred at p (x, y) by one element each, and the unit normals (2, P) of the edges used.
 
     Normals are constants here: to first order an edge moves the area by its own shift alone.
@@ -218,7 +245,10 @@ def _cover(elements: Tensor, slab: Tensor, element: Tensor, p: tuple[Tensor, Ten
         slope = swell / length * is_slab
         # the edge of a trapezoid is tilted against its axis
         tilt = (1 + slope * slope).rsqrt()
-        major, minor = torch.maximum(nx.abs(), ny.abs()), torch.minimum(nx.abs(), ny.abs()).clamp(min=1e-4)
+        major, minor = (
+            torch.maximum(nx.abs(), ny.abs()),
+            torch.minimum(nx.abs(), ny.abs()).clamp(min=1e-4),
+        )
         fixed = t.detach()
         # a disc's edge falls away from its tangent: by 1 / (24 r) px on average over a pixel
         sag = (24 * radius.clamp(min=0.5)).reciprocal() * ~is_slab
@@ -252,5 +282,7 @@ def _best(value: Tensor, place: Tensor, places: int) -> Tensor:
     top = value.new_full((places,), -1.0).scatter_reduce_(0, place, value, "amax")
     index = torch.arange(len(value), device=value.device)
     index = torch.where(value == top.index_select(0, place), index, len(value))
-    best = torch.full((places,), len(value), device=value.device).scatter_reduce_(0, place, index, "amin")
+    best = torch.full((places,), len(value), device=value.device).scatter_reduce_(
+        0, place, index, "amin"
+    )
     return torch.where(best == len(value), -1, best)

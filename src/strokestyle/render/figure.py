@@ -17,14 +17,16 @@ GAP = 0.02  # of a panel's width, between the panels of the sheet
 
 
 @dataclass(frozen=True)
-class Stage:
+class FigureStep:
     """One step of the making of a drawing: its name, one of NAMES, and what it looks like as SVG text."""
 
     name: str
     svg: str
 
 
-def stages(view: View, drawing: Drawing, *, title: str = "", background: str | None = None, **options) -> list[Stage]:
+def figure_steps(
+    view: View, drawing: Drawing, *, title: str = "", background: str | None = None, **options
+) -> list[FigureStep]:
     """The stages of a drawing of a view (Neural Strokes, figures 2 and 3), in the order in which they come about.
 
     1-curves: the view's curves, as geometry has them. 2-displaced: where the hand goes. 3-strokes: with thickness, in
@@ -43,7 +45,9 @@ def stages(view: View, drawing: Drawing, *, title: str = "", background: str | N
     """
     size = (view.camera.width, view.camera.height)
     if drawing.size != size:
-        raise ValueError(f"the view is {size[0]} x {size[1]} px, its drawing {drawing.size[0]} x {drawing.size[1]}")
+        raise ValueError(
+            f"the view is {size[0]} x {size[1]} px, its drawing {drawing.size[0]} x {drawing.size[1]}"
+        )
     strokes = drawing.strokes
     displaced = Curves(strokes.xy, strokes.offsets, strokes.kind, strokes.closed)
     curves, parts = view.pieces_by_part()
@@ -51,14 +55,18 @@ def stages(view: View, drawing: Drawing, *, title: str = "", background: str | N
     drawn = options | page | {"page_size": None, "plotter": False}
     texts = (
         plain_svg(curves, size, description="The curves of the shape", parts=parts, **page),
-        plain_svg(displaced, size, description="The curves, displaced", parts=drawing.parts, **page),
-        write_svg(drawing, **(drawn | {"texture": "none", "description": "Strokes with thickness"})),
+        plain_svg(
+            displaced, size, description="The curves, displaced", parts=drawing.parts, **page
+        ),
+        write_svg(
+            drawing, **(drawn | {"texture": "none", "description": "Strokes with thickness"})
+        ),
         write_svg(drawing, **(drawn | {"description": "Strokes with thickness and texture"})),
     )
-    return [Stage(name, text) for name, text in zip(NAMES, texts, strict=True)]
+    return [FigureStep(name, text) for name, text in zip(NAMES, texts, strict=True)]
 
 
-def sheet_of(pngs: list[bytes]) -> bytes:
+def side_by_side(pngs: list[bytes]) -> bytes:
     """PNGs of one size -> one PNG with all of them from left to right, on white."""
     pictures = [Image.open(io.BytesIO(png)).convert("RGB") for png in pngs]
     width, height = pictures[0].size
@@ -71,7 +79,7 @@ def sheet_of(pngs: list[bytes]) -> bytes:
     return out.getvalue()
 
 
-def stage_files(made: list[Stage], scale: float = 1.0) -> dict[str, bytes]:
+def figure_files(made: list[FigureStep], scale: float = 1.0) -> dict[str, bytes]:
     """What `render --stages` writes: {"1-curves.svg": ..., "1-curves.png": ..., ..., "sheet.png": ...}.
 
     `scale` : pixels of the PNGs per pixel of the canvas
@@ -80,5 +88,5 @@ def stage_files(made: list[Stage], scale: float = 1.0) -> dict[str, bytes]:
     for stage in made:
         files[f"{stage.name}.svg"] = stage.svg.encode("utf-8")
         files[f"{stage.name}.png"] = png_from_svg(stage.svg, scale)
-    files["sheet.png"] = sheet_of([files[f"{stage.name}.png"] for stage in made])
+    files["sheet.png"] = side_by_side([files[f"{stage.name}.png"] for stage in made])
     return files

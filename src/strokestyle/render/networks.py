@@ -18,7 +18,9 @@ class OnePad2d(nn.ConstantPad2d):
         super().__init__(padding, 1.0)
 
 
-def _conv(channels_in: int, channels_out: int, kernel: int, stride: int = 1, padding: int = 0) -> list[nn.Module]:
+def _conv(
+    channels_in: int, channels_out: int, kernel: int, stride: int = 1, padding: int = 0
+) -> list[nn.Module]:
     layer = nn.Conv2d(channels_in, channels_out, kernel, stride, padding)
     return [layer, nn.InstanceNorm2d(channels_out), nn.ReLU()]
 
@@ -68,11 +70,15 @@ class PathNet(nn.Module):
 
     def __init__(self, features: int = 45):
         super().__init__()
-        self.layers = nn.ModuleList([nn.Conv1d(features, 40, 3), nn.Conv1d(40, 40, 3), nn.Conv1d(40, 3, 3)])
+        self.layers = nn.ModuleList(
+            [nn.Conv1d(features, 40, 3), nn.Conv1d(40, 40, 3), nn.Conv1d(40, 3, 3)]
+        )
 
     def forward(self, points: Tensor, offsets: Tensor) -> Tensor:
         rows, total = gapped(offsets, 1)
-        x = points.new_zeros(total, points.shape[1]).index_copy(0, rows, points).T[None]  # (1, P, total)
+        x = (
+            points.new_zeros(total, points.shape[1]).index_copy(0, rows, points).T[None]
+        )  # (1, P, total)
         inside = points.new_zeros(total).index_fill(0, rows, 1.0)
         for i, layer in enumerate(self.layers):
             x = F.conv1d(x, layer.weight, layer.bias, padding=1)

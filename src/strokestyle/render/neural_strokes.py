@@ -17,18 +17,25 @@ from torch.nn import functional as F
 from ..drawing.edit import cut_at_parts
 from ..drawing.ribbon import ribbon, strip_points
 from ..drawing.strokes import Drawing, Strokes, Texture
-from ..extract.view import PAPER_MAPS, View
+from ..extract.feature_maps import NEURAL_STROKES_MAPS
+from ..extract.view import View
 from ..geometry.curves import arc_length, owner, tangents
 from .coverage import coverage
 from .networks import PathNet, SurfaceNet, TextureNet
 
-LEAST_THICKNESS = 0.1  # px, and a leaky slope, so that no stroke is stuck at zero (the authors' code)
+LEAST_THICKNESS = (
+    0.1  # px, and a leaky slope, so that no stroke is stuck at zero (the authors' code)
+)
 LEAK = 0.01
-ROWS, COLUMNS, MARGIN = 2, 24, 2.0  # texels a px along a strip, across it, and px beyond the half thickness
+ROWS, COLUMNS, MARGIN = (
+    2,
+    24,
+    2.0,
+)  # texels a px along a strip, across it, and px beyond the half thickness
 
 
 @dataclass(frozen=True)
-class PaperStyle:
+class NeuralStrokesStyle:
     """The three networks after training. Their unit is the pixel of the canvas that they saw: draw on one of its size.
 
     Parameters
@@ -71,27 +78,36 @@ class PaperStyle:
         drawing = Drawing(strokes, size, color, texture)
         if view.parts is None:
             return drawing
-        return cut_at_parts(drawing, view.parts.cut(curves.offsets, arc_length(curves.xy, curves.offsets)))
+        return cut_at_parts(
+            drawing, view.parts.cut(curves.offsets, arc_length(curves.xy, curves.offsets))
+        )
 
     def state(self) -> dict:
         """The networks' weights as arrays, for the model file."""
         nets = {name: getattr(self, name).state_dict() for name in ("surface", "path", "texture")}
-        return {name: {key: value.cpu().numpy() for key, value in net.items()} for name, net in nets.items()}
+        return {
+            name: {key: value.cpu().numpy() for key, value in net.items()}
+            for name, net in nets.items()
+        }
 
     @classmethod
-    def from_state(cls, state: dict, about: dict, device: torch.device) -> PaperStyle:
+    def from_state(cls, state: dict, about: dict, device: torch.device) -> NeuralStrokesStyle:
         """Raises KeyError or RuntimeError where the state is not that of the paper's networks."""
         with torch.random.fork_rng(devices=[]):
             nets = {"surface": SurfaceNet(), "path": PathNet(), "texture": TextureNet()}
         for name, net in nets.items():
-            net.load_state_dict({key: torch.from_numpy(value) for key, value in state[name].items()})
+            net.load_state_dict(
+                {key: torch.from_numpy(value) for key, value in state[name].items()}
+            )
             net.to(device).eval()
         return cls(**nets, about=about)
 
 
 def view_maps(view: View, device: torch.device | str = "cpu") -> Tensor:
     """V in the paper: eight geometry maps and the plain raster, (1, 9, H, W); background and white are 1."""
-    values = np.stack([*(view.maps[name] for name in PAPER_MAPS), 1.0 - view.maps["plain"]])
+    values = np.stack(
+        [*(view.maps[name] for name in NEURAL_STROKES_MAPS), 1.0 - view.maps["plain"]]
+    )
     return torch.tensor(values, dtype=torch.float32, device=device)[None]
 
 
@@ -127,7 +143,10 @@ def stroke_geometry(
     image = torch.zeros_like(row) if image is None else image
     here = deep[image, :, row, column]  # (N, 40), nearest pixel
     direction, arc = points[:, 2:6], points[:, 6:]
-    out = sum(path(torch.cat([here, sign * direction, arc], dim=1), offsets) for sign in (1.0, -1.0)) / 2.0
+    out = (
+        sum(path(torch.cat([here, sign * direction, arc], dim=1), offsets) for sign in (1.0, -1.0))
+        / 2.0
+    )
     return points[:, :2] + out[:, :2], F.leaky_relu(out[:, 2], LEAK) + LEAST_THICKNESS
 
 
@@ -156,9 +175,14 @@ def look_up(strokes: Strokes, image: np.ndarray) -> tuple[Texture, np.ndarray]:
         rows = max(2, round(ROWS * band.length))
         at = strip_points(band, rows, COLUMNS)
         place = [at[..., 1] - 0.5, at[..., 0] - 0.5]
-        rgb = np.stack([ndimage.map_coordinates(image[..., k], place, order=1, cval=1.0) for k in range(3)], axis=-1)
+        rgb = np.stack(
+            [ndimage.map_coordinates(image[..., k], place, order=1, cval=1.0) for k in range(3)],
+            axis=-1,
+        )
         alpha = 1.0 - rgb.min(axis=-1)
-        ink = np.where(alpha[..., None] > 1e-3, 1.0 - (1.0 - rgb) / np.maximum(alpha, 1e-3)[..., None], 0.0)
+        ink = np.where(
+            alpha[..., None] > 1e-3, 1.0 - (1.0 - rgb) / np.maximum(alpha, 1e-3)[..., None], 0.0
+        )
         strips.append(np.concatenate([ink, alpha[..., None]], axis=-1).clip(0, 1))
         counts.append(rows)
         weight = alpha.sum() + 1e-9

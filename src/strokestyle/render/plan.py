@@ -69,13 +69,20 @@ def plan_strokes(
     shortest : px, shorter strokes are left out
     """
     span = max(1, round(HEADING_SPAN / spacing))
-    xy, offsets, (row,) = resample(curves.xy, curves.offsets, spacing, np.arange(len(curves.xy), dtype=np.float64))
-    table = np.concatenate([xy, np.zeros((len(xy), 4))], axis=1)  # x, y, source, source, mix, beyond
+    xy, offsets, (row,) = resample(
+        curves.xy, curves.offsets, spacing, np.arange(len(curves.xy), dtype=np.float64)
+    )
+    table = np.concatenate(
+        [xy, np.zeros((len(xy), 4))], axis=1
+    )  # x, y, source, source, mix, beyond
     if len(table):
         table[:, 2] = np.floor(row + 1e-9)
         table[:, 3] = np.minimum(table[:, 2] + 1, len(curves.xy) - 1)
         table[:, 4] = np.maximum(row - table[:, 2], 0.0)
-    strokes = [(table[a:b], kind) for a, b, kind in zip(offsets[:-1], offsets[1:], curves.kind, strict=True)]
+    strokes = [
+        (table[a:b], kind)
+        for a, b, kind in zip(offsets[:-1], offsets[1:], curves.kind, strict=True)
+    ]
     if join > 0 and len(strokes) > 1:
         strokes = _join(strokes, join, span, spacing)
     if corner < 180:
@@ -128,8 +135,12 @@ def _heading(xy: np.ndarray, span: int) -> np.ndarray:
 def _join(strokes, gap, span, spacing):
     """Draw through gaps between ends that head for each other, best agreement first; no stroke closes on itself."""
     count = len(strokes)
-    ends = np.array([end for s, _ in strokes for end in (s[0, :2], s[-1, :2])])  # end e of stroke e // 2; odd = last
-    heading = np.array([h for s, _ in strokes for h in (_heading(s[::-1, :2], span), _heading(s[:, :2], span))])
+    ends = np.array(
+        [end for s, _ in strokes for end in (s[0, :2], s[-1, :2])]
+    )  # end e of stroke e // 2; odd = last
+    heading = np.array(
+        [h for s, _ in strokes for h in (_heading(s[::-1, :2], span), _heading(s[:, :2], span))]
+    )
     pairs = cKDTree(ends).query_pairs(gap, output_type="ndarray")
     pairs = pairs[pairs[:, 0] // 2 != pairs[:, 1] // 2]
     a, b = pairs.T if len(pairs) else (np.zeros(0, int),) * 2

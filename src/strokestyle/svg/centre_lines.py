@@ -7,7 +7,8 @@ import numpy as np
 from ..drawing.strokes import Drawing, paint_order
 from ..geometry.bezier import fit_lines
 from ..geometry.curves import KINDS, arc_length, simplify
-from .document import MM_PER_PX, Mark, SvgOptions, document, layered, paper
+from .document import LayerItem, document, layered
+from .format import MM_PER_PX, SvgOptions, page_size_mm
 from .markup import element, hex_color, number, numbers, units
 
 PEN = 0.3  # mm, how thick a plotter's lines are shown
@@ -19,18 +20,25 @@ EFFECT = "lpe-"  # and the stroke's id: the id of its path effect
 def plotter_svg(drawing: Drawing, options: SvgOptions) -> str:
     """Centre lines only, in mm: no fill, image or clip. Layers are numbered as plotter software wants them."""
     width, height = drawing.size
-    page = paper(options.page_size, drawing.size) or (width * MM_PER_PX, height * MM_PER_PX)
+    page = page_size_mm(options.page_size, drawing.size) or (width * MM_PER_PX, height * MM_PER_PX)
     scale = min(page[0] / width, page[1] / height)  # mm a pixel
     corner = 0.5 * (np.array(page) - scale * np.array([width, height]))
     strokes, order = drawing.strokes, paint_order(drawing, options.layers).tolist()
     lines = fit_lines(strokes.xy, strokes.offsets, min(options.tolerance, LINE_SLACK))
     marks, digits = [], max(3, len(str(max(len(order) - 1, 0))))
     for place, i in enumerate(order):
-        d = line_path(lines[i][0] * scale + corner, max(options.decimals, 2), bool(strokes.closed[i]))
+        d = line_path(
+            lines[i][0] * scale + corner, max(options.decimals, 2), bool(strokes.closed[i])
+        )
         pen = {"id": f"s{place:0{digits}d}", "stroke": hex_color(drawing.color[i, :3]), "d": d}
         part = "" if drawing.parts is None else drawing.parts.name(i)
-        marks.append(Mark(element("path", pen), KINDS[strokes.kind[i]], part))
-    style = {"fill": "none", "stroke-width": number(PEN, 2), "stroke-linecap": "round", "stroke-linejoin": "round"}
+        marks.append(LayerItem(element("path", pen), KINDS[strokes.kind[i]], part))
+    style = {
+        "fill": "none",
+        "stroke-width": number(PEN, 2),
+        "stroke-linecap": "round",
+        "stroke-linejoin": "round",
+    }
     if options.layers == "none":
         content = element("g", style, "".join(mark.markup for mark in marks)) if marks else ""
     else:
@@ -52,8 +60,16 @@ def power_strokes(drawing: Drawing, options: SvgOptions, index: list[int]) -> li
         part = slice(strokes.offsets[i], strokes.offsets[i + 1])
         along = arc_length(strokes.xy[part], np.array([0, len(strokes.xy[part])]))
         half = 0.5 * strokes.thickness[part]
-        knots = simplify(np.stack([along, half], axis=1), 0.5 * WIDTH_SLACK) if along[-1] > 0 else np.array([0])
-        t = np.interp(along[knots], along[rows], np.arange(len(rows))) if along[-1] > 0 else np.zeros(1)
+        knots = (
+            simplify(np.stack([along, half], axis=1), 0.5 * WIDTH_SLACK)
+            if along[-1] > 0
+            else np.array([0])
+        )
+        t = (
+            np.interp(along[knots], along[rows], np.arange(len(rows)))
+            if along[-1] > 0
+            else np.zeros(1)
+        )
         if strokes.closed[i]:  # the last is the first
             t, knots = t[:-1], knots[:-1]
         pairs = zip(numbers(units(t, 4), 4), numbers(units(half[knots], 3), 3), strict=True)

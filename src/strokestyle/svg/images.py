@@ -9,7 +9,8 @@ import numpy as np
 from ..drawing.raster import textured_pixels
 from ..drawing.strokes import Drawing
 from .ink import GRAIN, inks
-from .png import FEW, MANY, Quantiser, encode_png, ink_palette, used
+from .palette import FEW, MANY, Quantiser, ink_palette, used
+from .png import encode_png
 
 SAMPLE = 40_000  # texels that a drawing's colours are chosen from
 SEEN = 0.5 / 255  # opacity
@@ -23,7 +24,9 @@ def stroke_images(
     texture = drawing.texture
     ink = inks(texture)
     colors = None
-    for i, (crop, pixel, color) in zip(index, textured_pixels(drawing, index, resolution), strict=True):
+    for i, (crop, pixel, color) in zip(
+        index, textured_pixels(drawing, index, resolution), strict=True
+    ):
         seen = color[:, 3] > SEEN
         pixel, color = pixel[seen], color[seen]
         if not len(pixel):
@@ -31,7 +34,12 @@ def stroke_images(
             continue
         if ink.plain[i]:
             levels, most = FEW if ink.grain[i] > GRAIN else MANY, float(color[:, 3].max())
-            palette = ink_palette(ink.color[i], levels) * [1.0, 1.0, 1.0, most]  # a faint stroke has as many
+            palette = ink_palette(ink.color[i], levels) * [
+                1.0,
+                1.0,
+                1.0,
+                most,
+            ]  # a faint stroke has as many
             place = np.rint(color[:, 3] / most * (levels - 1)).astype(np.uint8)
         else:
             colors = colors or Quantiser(_sample(texture.rgba))
@@ -43,7 +51,10 @@ def stroke_images(
         if not ink.plain[i]:
             picture, palette = used(picture, palette)
         box = np.array([crop.x0 + x0, crop.y0 + y0, width, height]) / resolution
-        yield (*box.tolist(), encode_png(picture, np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)))
+        yield (
+            *box.tolist(),
+            encode_png(picture, np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)),
+        )
 
 
 def _sample(rgba: np.ndarray) -> np.ndarray:

@@ -10,8 +10,12 @@ from ..drawing.strokes import Texture
 from ..geometry.curves import owner
 
 ONE_INK = 0.02  # colours that differ less than this from their stroke's (rms, of 1) are one ink
-GRAIN = 0.05  # of the opacity, from one texel to the next along a stroke: what changes more is grain
-MUCH_THE_SAME = 0.08  # colours that differ less than this are one ink to the eye, at each depth of tone
+GRAIN = (
+    0.05  # of the opacity, from one texel to the next along a stroke: what changes more is grain
+)
+MUCH_THE_SAME = (
+    0.08  # colours that differ less than this are one ink to the eye, at each depth of tone
+)
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,9 @@ def inks(texture: Texture) -> Inks:
     total = np.maximum(np.bincount(own, np.square(alpha).sum(axis=1), count), 1e-9)
     for k in range(3):
         channel = texture.rgba[..., k].astype(np.float32) / 255.0
-        mean[:, k] = np.bincount(own, (alpha * channel).sum(axis=1), count) / np.maximum(amount, 1e-9)
+        mean[:, k] = np.bincount(own, (alpha * channel).sum(axis=1), count) / np.maximum(
+            amount, 1e-9
+        )
         off = alpha * (channel - mean[own, k].astype(np.float32)[:, None])
         square += np.bincount(own, np.square(off).sum(axis=1), count)
     change = np.abs(np.diff(alpha, axis=0)).sum(axis=1)

@@ -29,13 +29,21 @@ def attribute(key: str, value: str) -> str:
 
 def _value(value: str) -> str:
     if value.isascii() and value.isprintable():  # all but names: no need to look at every character
-        return escape(value, {'"': "&quot;"}) if '"' in value or "&" in value or "<" in value else value
+        return (
+            escape(value, {'"': "&quot;"})
+            if '"' in value or "&" in value or "<" in value
+            else value
+        )
     return escape(printable(value), {'"': "&quot;", "\n": "&#10;", "\t": "&#9;"})
 
 
 def printable(text: str) -> str:
     """Text without what XML 1.0 cannot hold; markup characters are escaped by `element` and `words`."""
-    return "".join(c for c in text if c in "\t\n" or " " <= c < "\ud800" or "\ue000" <= c <= "\ufffd" or c > "\uffff")
+    return "".join(
+        c
+        for c in text
+        if c in "\t\n" or " " <= c < "\ud800" or "\ue000" <= c <= "\ufffd" or c > "\uffff"
+    )
 
 
 # ------------------------------------------------------------------------------------------------------- numbers
@@ -63,7 +71,9 @@ def numbers(values: np.ndarray, decimals: int) -> list[str]:
 
 @functools.lru_cache(maxsize=1 << 17)
 def _units_text(value: int, decimals: int) -> str:
-    return number(value / 10**decimals, decimals)  # a drawing's steps are alike: most were told before
+    return number(
+        value / 10**decimals, decimals
+    )  # a drawing's steps are alike: most were told before
 
 
 # --------------------------------------------------------------------------------------------------------- paths

@@ -1,140 +1,26 @@
-"""SVG's syntax: XML that is safe to read from anyone, attributes, lengths, transforms and path data.
-
-Files come from anywhere, so nothing in them is followed or expanded: no entity, no reference, no style sheet; what is
-too large, too deep or of too many points is refused.
-"""
+"""Read what SVG says in attributes: numbers, lengths, transforms, path data, basic shapes."""
 
 from __future__ import annotations
 
 import math
 import re
-import zlib
-from collections.abc import Callable
-from xml.parsers import expat
 
-import numpy as np
+from .. import files as limits
+from ..files import quoted
+from ..geometry.affine import IDENTITY, MAX_NUMBER, Affine, compose
+from ..geometry.bezier import Segment
 
-from ..geometry.curves import arc
-
-MAX_BYTES = 64 * 2**20  # of a file, an .svgz's once decompressed
-MAX_POINTS = 500_000
-MAX_ELEMENTS = 100_000
-MAX_DEPTH = 256  # of elements inside one another
-MAX_TEXT = 16 * 2**20  # characters of one path
-MAX_NUMBER = 1e12  # larger ones are mistakes, and their products leave the range of a float
-SVG_NAMESPACE = "http://www.w3.org/2000/svg"
-INKSCAPE_NAMESPACE = "http://www.inkscape.org/namespaces/inkscape"
-UNSAFE = (
-    'its document type has declarations of its own ("<!DOCTYPE svg [...]>"); save it as plain SVG, or take them out'
-)
-
-Affine = tuple[float, float, float, float, float, float]  # SVG's matrix: x' = a x + c y + e, y' = b x + d y + f
-IDENTITY: Affine = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-
-
-# ----------------------------------------------------------------------------------------------------------- XML
-
-
-def limited(data: bytes) -> bytes:
-    """The bytes of a file, gunzipped where they are gzip data. Raises ValueError on too many, or on damage."""
-    if len(data) <= MAX_BYTES and data[:2] == b"\x1f\x8b":
-        data = _unzip(data)
-    if len(data) > MAX_BYTES:
-        raise ValueError(
-            f"larger than {MAX_BYTES // 2**20} MB: simplify the curves, or take images out, and save again"
-        )
-    return data
-
-
-def _unzip(data: bytes) -> bytes:
-    unpack = zlib.decompressobj(wbits=31)
-    try:
-        text = unpack.decompress(data, MAX_BYTES + 1)
-    except zlib.error as error:
-        raise ValueError(f"damaged gzip data ({error}); save it again, as .svg") from None
-    if len(text) <= MAX_BYTES and not unpack.eof:
-        raise ValueError("its gzip data end early: the file is cut short; save it again, as .svg")
-    return text
-
-
-class Walker:
-    """Walks through a document as expat reads it; no tree is built.
-
-    `start(namespace, tag, attributes)` is called at the beginning of every element and `end()` at its end; attributes
-    of other namespaces have names such as "http://www.w3.org/1999/xlink}href". A ValueError of `start` is raised with
-    the element's place before it. `words(text)` is called with text between elements, in pieces.
-    """
-
-    def __init__(self, start: Callable, end: Callable, words: Callable | None = None):
-        self.start, self.end = start, end
-        self.elements = self.depth = 0
-        self.parser = expat.ParserCreate(namespace_separator="}")
-        self.parser.StartElementHandler = self._start
-        self.parser.EndElementHandler = self._end
-        self.parser.StartDoctypeDeclHandler = self._doctype
-        self.parser.EntityDeclHandler = self._refuse
-        if words is not None:
-            self.parser.CharacterDataHandler = words
-
-    def walk(self, data: bytes) -> None:
-        """Raises ValueError on what is no SVG file, or is damaged, unsafe or too large."""
-        # every other byte of UTF-16 is NUL; the parser's own handlers refuse what this first look may not see
-        if b"<!entity" in (data.replace(b"\0", b"") if b"\0" in data else data).lower():
-            raise ValueError(UNSAFE)
-        if data.count(b"<") > 2 * MAX_ELEMENTS + 100:
-            raise ValueError(f"more than {MAX_ELEMENTS} elements: simplify the drawing first")
-        if data.count(b"=") > 5 * MAX_ELEMENTS:  # the parser hands over an element whole, however many it has
-            raise ValueError(f"more than {5 * MAX_ELEMENTS} attributes: simplify the drawing first")
-        try:
-            self.parser.Parse(data, True)
-        except expat.ExpatError as error:
-            raise ValueError(f"not an SVG file (XML expected: {error})") from None
-        except LookupError as error:  # an encoding that Python does not know
-            raise ValueError(f"not an SVG file ({error}); save it as UTF-8") from None
-
-    def _start(self, name: str, attributes: dict[str, str]):
-        self.elements += 1
-        if self.elements > MAX_ELEMENTS or self.depth >= MAX_DEPTH:
-            raise ValueError(f"more than {MAX_ELEMENTS} elements, or {MAX_DEPTH} inside one another: simplify it first")
-        namespace, _, tag = name.rpartition("}")
-        if not self.depth and not (namespace in ("", SVG_NAMESPACE) and tag == "svg"):
-            raise ValueError(f"not an SVG file: its first element is <{quoted(tag)}>; save the drawing as .svg")
-        self.depth += 1
-        try:
-            self.start(namespace, tag, attributes)
-        except ValueError as error:
-            which = f' id="{quoted(attributes["id"])}"' if "id" in attributes else ""
-            raise ValueError(f"line {self.parser.CurrentLineNumber}, <{tag}{which}>: {error}") from None
-
-    def _end(self, _):
-        self.depth -= 1
-        self.end()
-
-    def _doctype(self, name, system, public, has_subset):
-        """Old files name SVG's document type, which is not fetched; one with declarations of its own is refused."""
-        if has_subset:
-            self._refuse()
-
-    def _refuse(self, *_):
-        raise ValueError(UNSAFE)
-
-
-def quoted(text: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in text[:40])
-
-
-def css_property(name: str, style: str, attributes: dict[str, str]) -> str:
-    """A CSS property of the style attribute, else the attribute of that name, else ""."""
-    found = re.findall(rf"(?:^|;)\s*{name}\s*:([^;!]*)", style[:10_000]) if name in style else ()
-    return (found[-1] if found else attributes.get(name, "")).strip().lower()
-
-
-# ---------------------------------------------------------------------------------------- lengths and transforms
-
-ROUNDING = 0.01  # px that a shape's points may be off after another program's rounding, however small it was made
-SLIP = 1e-4  # of a path's length, that its landmarks may be off after svgo rounded every piece of it
 SPACE = " \t\r\n\f"
-UNITS = {"": 1.0, "px": 1.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4, "q": 96 / 101.6, "pt": 96 / 72, "pc": 16.0}
+UNITS = {
+    "": 1.0,
+    "px": 1.0,
+    "in": 96.0,
+    "cm": 96 / 2.54,
+    "mm": 96 / 25.4,
+    "q": 96 / 101.6,
+    "pt": 96 / 72,
+    "pc": 16.0,
+}
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _SPACES = re.compile(rf"[{SPACE}]*")
 _NEXT_NUMBER = re.compile(rf"[{SPACE}]*(?:,[{SPACE}]*)?({_NUMBER})")
@@ -168,7 +54,9 @@ def length(text: str, name: str, whole: float) -> float:
     if match and match[2] == "%":
         return parse_number(match[1]) * whole / 100.0
     if not match or match[2].lower() not in UNITS:
-        raise ValueError(f'{name}="{quoted(text)}" is no length; use a number, or one in px, mm, cm, in, pt or %')
+        raise ValueError(
+            f'{name}="{quoted(text)}" is no length; use a number, or one in px, mm, cm, in, pt or %'
+        )
     return parse_number(match[1]) * UNITS[match[2].lower()]
 
 
@@ -181,22 +69,6 @@ def page_length(attributes, name: str) -> float | None:
     if value < 1 / MAX_NUMBER:
         raise ValueError(f'{name}="{quoted(text)}": the page needs a width and height above 0')
     return value
-
-
-def fit_box(box, into, align: str = "") -> Affine:
-    """The box (x, y, width, height) laid into another, after SVG's preserveAspectRatio; default: whole and centred."""
-    (x, y, width, height), (to_x, to_y, to_width, to_height) = box, into
-    sx, sy = to_width / width, to_height / height
-    words = align.split() or ["xMidYMid"]
-    if words[0] == "none":
-        return (sx, 0.0, 0.0, sy, to_x - sx * x, to_y - sy * y)
-    match = re.fullmatch("x(Min|Mid|Max)Y(Min|Mid|Max)", words[0])
-    if not match:
-        raise ValueError(f'bad preserveAspectRatio "{quoted(align)}": expected none, or for instance xMidYMid meet')
-    scale = max(sx, sy) if words[1:] == ["slice"] else min(sx, sy)
-    share_x, share_y = ({"Min": 0.0, "Mid": 0.5, "Max": 1.0}[word] for word in match.groups())
-    left, top = to_x + share_x * (to_width - scale * width), to_y + share_y * (to_height - scale * height)
-    return (scale, 0.0, 0.0, scale, left - scale * x, top - scale * y)
 
 
 def parse_transform(text: str) -> Affine:
@@ -235,26 +107,6 @@ def _function(name: str, v: list[float]) -> Affine:
     )
 
 
-def compose(outer: Affine, inner: Affine) -> Affine:
-    """The matrix that applies `inner`, then `outer`."""
-    a, b, c, d, e, f = outer
-    p, q, r, s, t, u = inner
-    made = (a * p + c * q, b * p + d * q, a * r + c * s, b * r + d * s, a * t + c * u + e, b * t + d * u + f)
-    if not all(abs(value) <= MAX_NUMBER**2 for value in made):
-        raise ValueError("its transforms together are too large to be a place in a drawing")
-    return made
-
-
-def transformed(matrix: Affine, points: np.ndarray) -> np.ndarray:
-    # element by element, not by a matrix product: equal points stay equal to the last bit, so that loops stay closed
-    a, b, c, d, e, f = matrix
-    x, y = points[..., 0], points[..., 1]
-    return np.stack([a * x + c * y + e, b * x + d * y + f], axis=-1)
-
-
-# ------------------------------------------------------------------------------------------------------ path data
-
-Segment = tuple[float, float, float, float, float, float, float, float]  # a cubic's four points, x and y in turn
 ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 
 
@@ -273,15 +125,19 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[list[Segme
     ValueError
         on bad syntax, with the place.
     """
-    if len(data) > MAX_TEXT:
-        raise ValueError(f"{name} has more than {MAX_TEXT} characters: simplify the drawing first")
+    if len(data) > limits.MAX_TEXT:
+        raise ValueError(
+            f"{name} has more than {limits.MAX_TEXT} characters: simplify the drawing first"
+        )
     data = data.rstrip(SPACE)
     if data.lstrip(SPACE) == "none":
         return []
     subpaths: list[list[Segment]] = []
     cubics: list[Segment] = []  # of the current subpath
     x = y = begin_x = begin_y = 0.0
-    control = None  # what S or T reflects: the commands that it follows, and their last control point
+    control = (
+        None  # what S or T reflects: the commands that it follows, and their last control point
+    )
     at, end, total = 0, len(data), 0
 
     def bad(expected):
@@ -295,8 +151,8 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[list[Segme
         if at >= end:
             break
         total += 1
-        if total > MAX_POINTS:
-            raise ValueError(f"more than {MAX_POINTS} segments: simplify the drawing first")
+        if total > limits.MAX_POINTS:
+            raise ValueError(f"more than {limits.MAX_POINTS} segments: simplify the drawing first")
         if data[at].upper() in ARGUMENTS:
             if not command and data[at] not in "Mm":
                 raise bad("M or m first")
@@ -356,75 +212,6 @@ def parse_path(data: str, command: str = "", name: str = "d") -> list[list[Segme
     if cubics:
         subpaths.append(cubics)
     return subpaths
-
-
-def first_line(d: str) -> np.ndarray:
-    """Path data's first subpath as a fine polyline (n, 2). Raises ValueError where it draws nothing."""
-    match = re.match(rf"[{SPACE}]*[Mm][^MmZz]*[Zz]?", d)
-    subpaths = parse_path(match[0] if match else "")
-    if not subpaths:
-        raise ValueError("a path that draws nothing")
-    return fine_line(subpaths[0])
-
-
-def fine_line(segments: list[Segment]) -> np.ndarray:
-    """A subpath as a polyline (n, 2) of eight pieces a segment."""
-    p = np.array(segments).reshape(-1, 1, 4, 2)
-    t = (np.arange(8) + 1)[:, None] / 8
-    s = 1 - t
-    xy = s**3 * p[:, :, 0] + 3 * s**2 * t * p[:, :, 1] + 3 * s * t**2 * p[:, :, 2] + t**3 * p[:, :, 3]
-    return np.concatenate([p[0, :, 0], xy.reshape(-1, 2)])
-
-
-def landmarks(line: np.ndarray, measured: np.ndarray | None = None) -> np.ndarray:
-    """The points (4, 2) at 0, 1/4, 1/2 and 3/4 of a polyline's length; of the length of another one, `measured`."""
-    along = arc(line if measured is None else measured)
-    at = along[-1] * np.array([0.0, 0.25, 0.5, 0.75])
-    return np.stack([np.interp(at, along, column) for column in line.T], axis=1)
-
-
-def enclosed(line: np.ndarray) -> float:
-    """The area that a polyline (n, 2) goes round, by the shoelace formula."""
-    x, y = line.T
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-
-
-def moved_by(then: np.ndarray, now: np.ndarray, line: np.ndarray | None = None, slack: float = 0.05) -> Affine | None:
-    """The transform that took a shape from where its landmarks (4, 2) were to where they are; None: it was edited.
-
-    The simplest that explains them within `slack` px: none, a translation, a similarity, any affine map. The last does
-    not keep a line's proportions, so its landmarks are those of the `line` (n, 2) measured where it came from. Along a
-    long line they slip by a SLIP of its length, as it is rounded.
-    """
-    slip = 0.0 if line is None else SLIP * float(arc(line)[-1])
-    if np.abs(now - then).max() <= slack + slip:
-        return IDENTITY
-    shift = (now - then).mean(axis=0)
-    if np.abs(now - then - shift).max() <= slack + slip:
-        return (1.0, 0.0, 0.0, 1.0, *shift.tolist())
-    a, b = (values[:, 0] + 1j * values[:, 1] for values in (then, now))
-    for source, mirror in ((a, 1.0), (a.conj(), -1.0)):
-        spread = np.square(np.abs(source - source.mean())).sum()
-        turn = ((b - b.mean()) * (source - source.mean()).conj()).sum() / max(spread, 1e-12)
-        place = b.mean() - turn * source.mean()
-        if np.abs(turn * source + place - b).max() <= max(slack * abs(turn), ROUNDING) + slip:
-            x, y = turn.real, turn.imag
-            return (x, y, -y * mirror, x * mirror, place.real, place.imag)
-    full = np.concatenate([then, np.ones((4, 1))], axis=1)
-    for _ in range(60):
-        solved = np.linalg.lstsq(full, now, rcond=None)[0]  # (3, 2)
-        if abs(np.linalg.det(solved[:2])) < 1e-9:
-            return None
-        if line is None:
-            break
-        before, now = now, landmarks(line, (line - solved[2]) @ np.linalg.inv(solved[:2]))
-        if np.abs(now - before).max() < 1e-3:
-            break
-    # a map that shrinks must be met the better: else any small shape would do as what became of a large one
-    small, large = np.linalg.svd(solved[:2], compute_uv=False)[[1, 0]]
-    if np.abs(full @ solved - now).max() > max(slack * (large if small >= 1.0 else small), ROUNDING) + slip:
-        return None
-    return tuple(float(v) for v in (*solved[0], *solved[1], *solved[2]))
 
 
 def _reflected(control, command: str, x: float, y: float) -> tuple[float, float]:
@@ -510,27 +297,3 @@ def shape_path(tag: str, attributes, view: tuple[float, float]) -> str:
         f"M{x + rx} {y}H{x + w - rx}{arc} {x + w} {y + ry}V{y + h - ry}{arc} {x + w - rx} {y + h}"
         f"H{x + rx}{arc} {x} {y + h - ry}V{y + ry}{arc} {x + rx} {y}Z"
     )
-
-
-def flatten(cubics: np.ndarray, offsets: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Chains of cubics (S, 4, 2), the i-th in rows offsets[i]:offsets[i+1], as polylines xy (N, 2) and their offsets.
-
-    Chords keep within `tolerance` of the curve: n of them are off by at most max |B''| / 8 n^2.
-    """
-    bend = np.linalg.norm(cubics[:, :-2] - 2 * cubics[:, 1:-1] + cubics[:, 2:], axis=2).max(axis=1)
-    wanted = np.maximum(np.ceil(np.sqrt(6 * bend / (8 * tolerance))), 1.0)
-    if wanted.sum() > MAX_POINTS:
-        raise ValueError(f"its curves need more than {MAX_POINTS} points on this canvas: simplify the drawing first")
-    count = wanted.astype(np.int64)
-    which = np.repeat(np.arange(len(cubics)), count)
-    before = np.cumsum(count) - count
-    t = ((np.arange(len(which)) - before[which] + 1) / count[which])[:, None]
-    s = 1 - t
-    p = cubics[which]
-    along = s**3 * p[:, 0] + 3 * s**2 * t * p[:, 1] + 3 * s * t**2 * p[:, 2] + t**3 * p[:, 3]
-    new = np.r_[0, np.cumsum(count)][offsets] + np.arange(len(offsets))  # every chain has its start besides
-    xy = np.empty((new[-1], 2))
-    start = np.zeros(len(xy), bool)
-    start[new[:-1]] = True
-    xy[start], xy[~start] = cubics[offsets[:-1], 0], along
-    return xy, new

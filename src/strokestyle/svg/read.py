@@ -10,40 +10,32 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from .. import files as limits
 from ..drawing.ribbon import ribbon, strip_points
-from ..drawing.strip import MAX_TEXELS as STRIP_TEXELS
-from ..drawing.strip import read_strip, wider
+from ..drawing.strip import wider
 from ..drawing.strokes import MAX_MARGIN, Drawing, Strokes, Texture, signed_distance
-from ..geometry.curves import KINDS, arc, arc_length
+from ..files import limited, quoted
+from ..geometry.affine import IDENTITY, MAX_NUMBER, Affine, compose, transformed
+from ..geometry.bezier import flatten
+from ..geometry.curves import KINDS, arc, arc_length, kind_named
 from ..geometry.parts import Parts, part_name
-from . import path_data as limits
 from .centre_lines import EFFECT
-from .document import FORMAT, LICENSES, SvgOptions
-from .path_data import (
-    IDENTITY,
-    INKSCAPE_NAMESPACE,
-    ROUNDING,
-    SVG_NAMESPACE,
-    Affine,
-    Walker,
-    compose,
-    css_property,
-    enclosed,
-    fine_line,
-    first_line,
-    flatten,
-    landmarks,
-    limited,
-    moved_by,
-    page_length,
-    parse_numbers,
-    parse_path,
-    parse_transform,
-    quoted,
-    transformed,
+from .format import FORMAT, ID_PLACEHOLDER, LICENSES, SvgOptions, markup_options
+from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
+from .path_data import page_length, parse_numbers, parse_path, parse_transform
+from .read_texture import (
+    CHORD,
+    Budget,
+    Shape,
+    drawn_strip,
+    from_base64,
+    has_external_image,
+    image_box,
+    rgb,
 )
-from .read_curves import kind_named
-from .read_texture import CHORD, Budget, Shape, drawn_strip, foreign, from_base64, image_box, rgb
+from .strip_image import MAX_TEXELS as STRIP_TEXELS
+from .strip_image import read_strip
+from .xml import INKSCAPE_NAMESPACE, SVG_NAMESPACE, SaxReader, css_property
 
 MAX_STROKES = 20_000
 MAX_TEXELS = 64_000_000  # of a drawing, all strips as wide as the widest
@@ -53,19 +45,32 @@ MAX_PLACE = 1e6  # px from the canvas's origin, and the largest canvas
 REFERENCES = ("fill", "clip-path", "mask", "filter")
 _REFERENCE = re.compile(rf"(?:^|;)\s*(?:{'|'.join(REFERENCES)})\s*:\s*url\(")
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
-SHAPES = ("path", "line", "polyline", "polygon", "rect", "circle", "ellipse", "image", "text", "use", "svg")
+SHAPES = (
+    "path",
+    "line",
+    "polyline",
+    "polygon",
+    "rect",
+    "circle",
+    "ellipse",
+    "image",
+    "text",
+    "use",
+    "svg",
+)
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 DC = "http://purl.org/dc/elements/1.1/"
 CC = ("http://creativecommons.org/ns#", "http://web.resource.org/cc/")
+
 # A stroke exactly as we write it: whatever is in it, it is markup that cannot run or load anything.
 _VALUE = r'="[^"<&]*"'
-NAME = "*id*"  # stands for a stroke's id where its markup is kept
 _ART = re.compile(
     rf'<(path|g) id="([\w.:-]*)" class="stroke"(?: data-ss-part="[^"<]*")?((?: [a-z:-]+{_VALUE})*)'
     rf"(/>|>(?:\s*<path(?: (?:d|fill|fill-opacity|transform){_VALUE})+/>"
     rf'|\s*<image(?: (?:x|y|width|height|preserveAspectRatio){_VALUE})* xlink:href="data:image/png;base64,[\w+/=]*"/>'
     rf")*\s*</\1>)"
 )
+
 _ART_NAMES = {
     "data-ss-class", "data-ss-path", "data-ss-width", "data-ss-closed", "data-ss-texture", "data-ss-margin",
     "data-ss-at", "data-ss-spine", "data-ss-opacity", "fill", "fill-opacity", "fill-rule", "d",
@@ -95,7 +100,7 @@ class SvgFile:
     effects: int = 0
 
 
-def read(source: str | bytes | Path) -> Drawing:
+def read_svg(source: str | bytes | Path) -> Drawing:
     """The drawing in an SVG file that this program wrote and others may have changed.
 
     Parameters
@@ -109,12 +114,14 @@ def read(source: str | bytes | Path) -> Drawing:
     OSError
         where the file cannot be read.
     """
-    return read_file(source).drawing
+    return read_svg_file(source).drawing
 
 
-def read_file(source: str | bytes | Path) -> SvgFile:
-    """As `read`, with what is not of the drawing: ids, and how the file was written."""
-    if isinstance(source, bytes) or (isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<")):
+def read_svg_file(source: str | bytes | Path) -> SvgFile:
+    """As `read_svg`, with what is not of the drawing: ids, and how the file was written."""
+    if isinstance(source, bytes) or (
+        isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<")
+    ):
         return _read(source.encode("utf-8", "surrogatepass") if isinstance(source, str) else source)
     with open(source, "rb") as file:
         data = file.read(limits.MAX_BYTES + 1)
@@ -124,16 +131,10 @@ def read_file(source: str | bytes | Path) -> SvgFile:
         raise ValueError(f"{source}: {error}") from None
 
 
-def drawn_by(options: SvgOptions) -> tuple:
-    """The options on which the markup of a stroke depends."""
-    o = options
-    return o.texture, o.tones, o.texture_res, o.tolerance, o.decimals, o.inkscape_lpe
-
-
 def _read(data: bytes) -> SvgFile:
     data = limited(data)
     reader = _Reader(data)
-    walker = Walker(reader.start, reader.end, reader.text)
+    walker = SaxReader(reader.start, reader.end, reader.text)
     reader.parser = walker.parser
     walker.walk(data)
     return reader.file()
@@ -262,7 +263,12 @@ class _Reader:
             ((SVG_NAMESPACE, "svg"), (SVG_NAMESPACE, "desc")): "description",
         }
         key = names.get(tuple(self.tags)) if len(self.tags) == 2 else None
-        if key is None and self.tags[-2:] and self.tags[-1] == (DC, "title") and self.tags[-2][1] == "Agent":
+        if (
+            key is None
+            and self.tags[-2:]
+            and self.tags[-1] == (DC, "title")
+            and self.tags[-2][1] == "Agent"
+        ):
             key = {"creator": "author", "rights": "license"}.get(self.tags[-3][1])
         if key is not None and len(self.words.get(key, "")) < 10_000:
             self.words[key] = self.words.get(key, "") + text
@@ -307,29 +313,45 @@ class _Reader:
         for found in self.strokes:
             try:
                 lines += _lines(found, origin, self.data, budget)
-                if lines[-1].art is not None and (points := self.power_strokes.get(EFFECT + found.name, "")):
+                if lines[-1].art is not None and (
+                    points := self.power_strokes.get(EFFECT + found.name, "")
+                ):
                     safe = re.fullmatch("[0-9., |-]*", points)
-                    lines[-1] = replace(lines[-1], art=(*lines[-1].art[:2], points) if safe else None)
+                    lines[-1] = replace(
+                        lines[-1], art=(*lines[-1].art[:2], points) if safe else None
+                    )
                 names += [found.name] * (len(lines) - len(names))
             except ValueError as error:
                 which = f' id="{quoted(found.name)}"' if found.name else ""
                 raise ValueError(f"line {found.line}, stroke{which}: {error}") from None
         options = self._options(any(line.strip is not None for line in lines))
         drawing = _drawing(lines, size, self._parts(lines))
-        by = drawn_by(options)
-        art = {drawing.digest(i): (by, *line.art) for i, line in enumerate(lines) if line.art is not None}
-        return SvgFile(replace(drawing, art=art), tuple(names), options, self.hidden, self.others, self.effects)
+        by = markup_options(options)
+        art = {
+            drawing.digest(i): (by, *line.art)
+            for i, line in enumerate(lines)
+            if line.art is not None
+        }
+        return SvgFile(
+            replace(drawing, art=art), tuple(names), options, self.hidden, self.others, self.effects
+        )
 
     def _canvas(self) -> tuple[tuple[int, int], tuple[float, float]]:
         """Size of the canvas and where it begins in user units: as written, or what somebody made of the page since."""
         root = self.root
-        size = parse_numbers(root["data-ss-size"], "data-ss-size") if "data-ss-size" in root else None
+        size = (
+            parse_numbers(root["data-ss-size"], "data-ss-size") if "data-ss-size" in root else None
+        )
         if size is not None and len(size) != 2:
-            raise ValueError(f"data-ss-size must be a width and a height, got {quoted(root['data-ss-size'])!r}")
+            raise ValueError(
+                f"data-ss-size must be a width and a height, got {quoted(root['data-ss-size'])!r}"
+            )
         box = parse_numbers(root["viewBox"], "viewBox") if "viewBox" in root else None
         if box is not None and (len(box) != 4 or min(box[2:]) <= 0):
             raise ValueError("viewBox must be four numbers, x y width height, the last two above 0")
-        written = parse_numbers(root["data-ss-page"], "data-ss-page") if "data-ss-page" in root else None
+        written = (
+            parse_numbers(root["data-ss-page"], "data-ss-page") if "data-ss-page" in root else None
+        )
         same = box is None or written is None or np.allclose(box, written, atol=1e-3)
         if size is not None and same:
             box = [0.0, 0.0, *size]
@@ -341,7 +363,10 @@ class _Reader:
 
     def _parts(self, lines: list[_Line]) -> Parts | None:
         """The parts that strokes name, in the order that the file has for them; those from other files lie on top."""
-        order = tuple(unquote(name) for name in self.root.get("data-ss-parts", "")[:MAX_PARTS].split()[:MAX_STROKES])
+        order = tuple(
+            unquote(name)
+            for name in self.root.get("data-ss-parts", "")[:MAX_PARTS].split()[:MAX_STROKES]
+        )
         return Parts.of_names([line.part for line in lines], order)
 
     def _options(self, textured: bool) -> SvgOptions:
@@ -380,10 +405,16 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, budget: Budg
             min(budget.texels, STRIP_TEXELS),
         )
         budget.spend("texels", strip[..., 0].size)
-    elif "data-ss-margin" in attributes and not foreign(found.shapes):  # else flat ink is left
-        strip = drawn_strip(found.shapes, ribbon(_alone(xy, width, closed), 0, margin), moves[0], budget)
+    elif "data-ss-margin" in attributes and not has_external_image(
+        found.shapes
+    ):  # else flat ink is left
+        strip = drawn_strip(
+            found.shapes, ribbon(_alone(xy, width, closed), 0, margin), moves[0], budget
+        )
     if strip is not None and state.opacity < 1:
-        strip = np.concatenate([strip[..., :3], np.rint(strip[..., 3:] * state.opacity).astype(np.uint8)], axis=2)
+        strip = np.concatenate(
+            [strip[..., :3], np.rint(strip[..., 3:] * state.opacity).astype(np.uint8)], axis=2
+        )
     art = None
     if found.alone and state.matrix == IDENTITY and state.opacity == 1.0 and moves == [IDENTITY]:
         art = _art(data, found)
@@ -411,7 +442,9 @@ def _effects(attributes: dict[str, str]) -> int:
 
 def _add_shape(tag: str, attributes: dict[str, str], state: _State) -> None:
     if tag in ("path", "image") and state.visible and not state.gone:
-        opacity = state.opacity * (state.fill_opacity if tag == "path" and state.fill != "none" else tag == "image")
+        opacity = state.opacity * (
+            state.fill_opacity if tag == "path" and state.fill != "none" else tag == "image"
+        )
         state.stroke.shapes.append(Shape(tag, attributes, state.matrix, state.fill, opacity))
 
 
@@ -422,7 +455,9 @@ def _moved(line: _Line, matrix: Affine) -> _Line:
     scale = 1.0 if abs(abs(det) - 1.0) < 1e-12 else math.sqrt(abs(det))
     width, margin = line.width * scale, min(line.margin * scale, MAX_MARGIN)
     if not np.abs(xy).max() <= MAX_PLACE:
-        raise ValueError(f"a point {np.abs(xy).max():.3g} px away is too far to be a place in a drawing")
+        raise ValueError(
+            f"a point {np.abs(xy).max():.3g} px away is too far to be a place in a drawing"
+        )
     if not width.max() <= MAX_PLACE:
         raise ValueError(f"a width of {width.max():.3g} px is too large")
     strip = line.strip if line.strip is None or det >= 0 else line.strip[:, ::-1]
@@ -438,7 +473,9 @@ def _centre(path: str, closed: bool) -> np.ndarray:
     if len(path) > MAX_PATH:
         raise ValueError(f"data-ss-path has more than {MAX_PATH} characters")
     match = _POLYLINE.fullmatch(path)
-    if match and not re.sub(r"[\s,]+", "", _NUMBERS.sub("", match[1] + " " + match[2])):  # as we write it
+    if match and not re.sub(
+        r"[\s,]+", "", _NUMBERS.sub("", match[1] + " " + match[2])
+    ):  # as we write it
         head, steps = (np.array(_NUMBERS.findall(part), np.float64) for part in match.groups())
         if len(head) != 2 or len(steps) % 2:
             raise ValueError("data-ss-path has half a point")
@@ -451,11 +488,15 @@ def _centre(path: str, closed: bool) -> np.ndarray:
             raise ValueError("data-ss-path draws nothing")
         cubics = np.array(subpaths[0]).reshape(-1, 4, 2)
         third = (cubics[:, 3] - cubics[:, 0]) / 3
-        if np.abs(cubics[:, 1] - cubics[:, 0] - third).max() + np.abs(cubics[:, 3] - cubics[:, 2] - third).max() < 1e-6:
+        if (
+            np.abs(cubics[:, 1] - cubics[:, 0] - third).max()
+            + np.abs(cubics[:, 3] - cubics[:, 2] - third).max()
+            < 1e-6
+        ):
             xy = np.concatenate([cubics[:1, 0], cubics[:, 3]])
         else:
             xy, _ = flatten(cubics, np.array([0, len(cubics)]), CHORD)
-    if len(xy) > limits.MAX_POINTS or not (np.abs(xy) <= limits.MAX_NUMBER).all():
+    if len(xy) > limits.MAX_POINTS or not (np.abs(xy) <= MAX_NUMBER).all():
         raise ValueError("data-ss-path leads too far to be a line in a drawing")
     if closed and len(xy) > 1 and (xy[0] != xy[-1]).any():
         near = np.abs(xy[0] - xy[-1]).max() < 1e-6
@@ -472,7 +513,9 @@ def _widths(xy: np.ndarray, text: str) -> tuple[np.ndarray, np.ndarray]:
             width = np.array(text.split(), np.float64)
             if len(width) == 1:
                 width = np.repeat(width, len(xy))
-            if len(width) == len(xy) - 1 and (xy[0] == xy[-1]).all():  # of a ring, without the point it repeats
+            if (
+                len(width) == len(xy) - 1 and (xy[0] == xy[-1]).all()
+            ):  # of a ring, without the point it repeats
                 width = np.r_[width, width[:1]]
             if len(width) != len(xy):
                 raise ValueError(f"data-ss-width has {len(width)} widths for {len(xy)} points")
@@ -484,7 +527,9 @@ def _widths(xy: np.ndarray, text: str) -> tuple[np.ndarray, np.ndarray]:
     except ValueError as error:
         if "data-ss-width" in str(error):
             raise
-        raise ValueError(f'bad data-ss-width "{quoted(text)}": expected numbers, or pairs t,w') from None
+        raise ValueError(
+            f'bad data-ss-width "{quoted(text)}": expected numbers, or pairs t,w'
+        ) from None
     if not (np.isfinite(width).all() and width.min() >= 0):
         raise ValueError("data-ss-width holds a width that is none")
     return xy, width
@@ -495,7 +540,11 @@ def _at_knots(xy, t, knots):
     if along[-1] <= 0:
         return xy, np.full(len(xy), knots.max())
     along = along / along[-1]
-    new = t[np.abs(t[:, None] - along[None]).min(axis=1) > 1e-4] if len(t) * len(along) < 4e6 else t[:0]
+    new = (
+        t[np.abs(t[:, None] - along[None]).min(axis=1) > 1e-4]
+        if len(t) * len(along) < 4e6
+        else t[:0]
+    )
     place = np.sort(np.r_[along, new], kind="stable")
     xy = np.stack([np.interp(place, along, column) for column in xy.T], axis=1)
     return xy, np.interp(place, t, knots)
@@ -512,9 +561,16 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
     attributes = first.attributes
     try:
         spine = attributes.get(INKSCAPE_NAMESPACE + "}original-d", "")
-        if spine and "data-ss-spine" in attributes:  # a PowerStroke, whose outline Inkscape draws anew
+        if (
+            spine and "data-ss-spine" in attributes
+        ):  # a PowerStroke, whose outline Inkscape draws anew
             line = transformed(first.matrix, first_line(spine))
-            return [moved_by(_landmarks(attributes["data-ss-spine"].split()), landmarks(line), line) or IDENTITY]
+            return [
+                recover_transform(
+                    _landmarks(attributes["data-ss-spine"].split()), landmarks(line), line
+                )
+                or IDENTITY
+            ]
         *places, within = found.attributes["data-ss-at"].split()
         if "," in within:  # of an image, or written before an area was
             places, within = [*places, within], "nan"
@@ -522,14 +578,17 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
         if first.tag == "image":
             x, y, w, h = image_box(attributes)
             now = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
-            return [moved_by(then, transformed(first.matrix, now)) or IDENTITY]
+            return [recover_transform(then, transformed(first.matrix, now)) or IDENTITY]
         d, rings = attributes.get("d", ""), 2 if closed else 1  # in an outline
         if attributes is found.attributes and rings < len(re.findall("[Mm]", d)) <= 100 * rings:
             lines = [fine_line(subpath) for subpath in parse_path(d)[::rings]]
         else:
             lines = [first_line(d)]
         lines = [transformed(first.matrix, line) for line in lines]
-        moves = [_unless_edited(moved_by(then, landmarks(line), line), float(within), line) for line in lines]
+        moves = [
+            _unless_edited(recover_transform(then, landmarks(line), line), float(within), line)
+            for line in lines
+        ]
         if len(moves) > 1 and None in moves:
             moves = moves[:1]
         return [move or IDENTITY for move in moves]
@@ -560,14 +619,18 @@ def _unless_edited(move: Affine | None, within: float, line: np.ndarray) -> Affi
 def _art(data: bytes, found: _Found) -> tuple[str, str] | None:
     """The element's tag and its markup after id and class, if every letter of it is ours."""
     # of an end tag, expat gives where it begins; of an empty element, the place behind it
-    empty = data.endswith(b"/>", 0, found.end) and (not found.shapes or found.shapes[0].attributes is found.attributes)
+    empty = data.endswith(b"/>", 0, found.end) and (
+        not found.shapes or found.shapes[0].attributes is found.attributes
+    )
     end = found.end if empty else data.find(b">", found.end) + 1
     text = data[found.begin : end].decode("ascii", "replace")
     match = _ART.fullmatch(text)
     names = re.findall(rf" ([a-z:-]+){_VALUE}", match[3]) if match else ()
     if "fill" not in names or not set(names) <= _ART_NAMES:
         return None
-    markup = text[match.start(3) :].replace(f'-effect="#{EFFECT}{match[2]}"', f'-effect="#{EFFECT}{NAME}"')
+    markup = text[match.start(3) :].replace(
+        f'-effect="#{EFFECT}{match[2]}"', f'-effect="#{EFFECT}{ID_PLACEHOLDER}"'
+    )
     return match[1], markup
 
 
@@ -586,14 +649,21 @@ def _drawing(lines: list[_Line], size: tuple[int, int], parts: Parts | None) -> 
     columns = max((line.strip.shape[1] for line in lines if line.strip is not None), default=0)
     if not columns:
         return Drawing(strokes, size, color, None, parts)
-    if sum(len(line.strip) if line.strip is not None else 0 for line in lines) * columns > MAX_TEXELS:
+    if (
+        sum(len(line.strip) if line.strip is not None else 0 for line in lines) * columns
+        > MAX_TEXELS
+    ):
         raise ValueError(f"more than {MAX_TEXELS} texels of texture: simplify the drawing first")
     margin = np.array([line.margin if line.strip is not None else 1.0 for line in lines])
     strips = [
-        wider(line.strip, columns) if line.strip is not None else _flat_strip(strokes, i, color[i], columns)
+        wider(line.strip, columns)
+        if line.strip is not None
+        else _flat_strip(strokes, i, color[i], columns)
         for i, line in enumerate(lines)
     ]
-    texture = Texture(np.concatenate(strips), np.cumsum([0] + [len(strip) for strip in strips]), margin)
+    texture = Texture(
+        np.concatenate(strips), np.cumsum([0] + [len(strip) for strip in strips]), margin
+    )
     return Drawing(strokes, size, color, texture, parts)
 
 
@@ -603,7 +673,9 @@ def _flat_strip(strokes: Strokes, i: int, color: np.ndarray, columns: int) -> np
     rows = int(np.clip(np.ceil(2 * band.length), 2, MAX_TEXELS // 100 // columns))
     at = strip_points(band, rows, columns)
     part = slice(strokes.offsets[i], strokes.offsets[i + 1])
-    depth = signed_distance(strokes.xy[part], 0.5 * strokes.thickness[part], at.reshape(-1, 2)).reshape(rows, columns)
+    depth = signed_distance(
+        strokes.xy[part], 0.5 * strokes.thickness[part], at.reshape(-1, 2)
+    ).reshape(rows, columns)
     strip = np.empty((rows, columns, 4))
     strip[...] = color
     strip[..., 3] *= np.clip(0.5 - depth, 0, 1)
@@ -624,5 +696,7 @@ def _share(text: str, default: float) -> float:
 def _margin(text: str) -> float:
     values = parse_numbers(text, "data-ss-margin")
     if len(values) != 1 or not 0 <= values[0] <= MAX_MARGIN:
-        raise ValueError(f'bad data-ss-margin "{quoted(text)}": expected a number between 0 and {MAX_MARGIN:g}')
+        raise ValueError(
+            f'bad data-ss-margin "{quoted(text)}": expected a number between 0 and {MAX_MARGIN:g}'
+        )
     return values[0]

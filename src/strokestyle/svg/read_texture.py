@@ -10,9 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageColor
 
-from ..drawing.outline import winding_number
+from .. import files as limits
 from ..drawing.ribbon import Ribbon, strip_points
-from .path_data import MAX_TEXT, Affine, flatten, length, parse_path, transformed
+from ..geometry.affine import Affine, transformed
+from ..geometry.bezier import flatten
+from ..geometry.polygons import winding_number
+from .path_data import length, parse_path
 from .png import read_png
 
 DENSITY = 1.5  # texels a px, of what is drawn in tones
@@ -20,7 +23,9 @@ MAX_PIXELS = 4_000_000  # of an image
 MAX_RINGS = 20_000  # of a tone
 CHORD = 0.05  # px between a curve and its chords
 _TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
-_PNG = re.compile(r"\s*data:image/png;base64,")  # images of other sorts, and elsewhere, are not looked at
+_PNG = re.compile(
+    r"\s*data:image/png;base64,"
+)  # images of other sorts, and elsewhere, are not looked at
 
 
 @dataclass
@@ -35,7 +40,9 @@ class Budget:
         """Raises ValueError where no more is left."""
         left = getattr(self, what) - amount
         if left < 0:
-            raise ValueError("the drawing's textures are too large or too intricate: simplify it first")
+            raise ValueError(
+                "the drawing's textures are too large or too intricate: simplify it first"
+            )
         setattr(self, what, left)
 
 
@@ -74,9 +81,16 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget)
         on an image or a path that cannot be read, or where the budget is spent.
     """
     shapes = [shape for shape in shapes if _shows(shape)]
-    images = [decoded(shape.attributes, budget) if shape.tag == "image" else None for shape in shapes]
-    density = max((_density(shape, image) for shape, image in zip(shapes, images, strict=True)), default=DENSITY)
-    rows, columns = (max(2, int(np.ceil(density * side))) for side in (band.length, 2.0 * band.half.max()))
+    images = [
+        decoded(shape.attributes, budget) if shape.tag == "image" else None for shape in shapes
+    ]
+    density = max(
+        (_density(shape, image) for shape, image in zip(shapes, images, strict=True)),
+        default=DENSITY,
+    )
+    rows, columns = (
+        max(2, int(np.ceil(density * side))) for side in (band.length, 2.0 * band.half.max())
+    )
     budget.spend("texels", rows * columns)
     color = np.zeros((rows, columns, 4))  # premultiplied
     points = transformed(move, strip_points(band, rows, columns))
@@ -87,16 +101,24 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget)
             color = over + (1.0 - over[..., 3:]) * color
         else:
             # in or out: half-tones at the edges would wear a region away each time that it is read and contoured
-            inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2), budget).reshape(rows, columns)
-            color[inside] = shape.opacity * np.r_[rgb(shape.fill), 1.0] + (1.0 - shape.opacity) * color[inside]
-    straight = np.concatenate([color[..., :3] / np.maximum(color[..., 3:], 1e-6), color[..., 3:]], axis=2)
+            inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2), budget).reshape(
+                rows, columns
+            )
+            color[inside] = (
+                shape.opacity * np.r_[rgb(shape.fill), 1.0] + (1.0 - shape.opacity) * color[inside]
+            )
+    straight = np.concatenate(
+        [color[..., :3] / np.maximum(color[..., 3:], 1e-6), color[..., 3:]], axis=2
+    )
     return np.rint(255 * np.clip(straight, 0, 1)).astype(np.uint8)
 
 
 def covered(d: str, points: np.ndarray, budget: Budget) -> np.ndarray:
     """Which of the points (M, 2) path data fills by the nonzero rule, (M,) bool. Raises ValueError."""
     budget.spend("looks", len(points))
-    rings, offsets = _tone_rings(d) if len(d) <= MAX_TEXT and _TONES.fullmatch(d) else _rings(d)
+    rings, offsets = (
+        _tone_rings(d) if len(d) <= limits.MAX_TEXT and _TONES.fullmatch(d) else _rings(d)
+    )
     return winding_number(rings, points, offsets, lambda pairs: budget.spend("looks", pairs)) != 0
 
 
@@ -108,7 +130,9 @@ def _tone_rings(d: str) -> tuple[np.ndarray, np.ndarray]:
     if any(len(ring) < 8 or len(ring) % 2 for ring in rings):
         return _rings(d)
     rings = [ring.reshape(-1, 2) for ring in rings]
-    count = np.array([len(ring) for ring in rings]) - 2  # pieces: less the jump and the first control point
+    count = (
+        np.array([len(ring) for ring in rings]) - 2
+    )  # pieces: less the jump and the first control point
     begin = np.cumsum([ring[0] for ring in rings], axis=0)  # a ring ends where it begins
     made, offsets = [], np.r_[0, np.cumsum(2 * count)]
     for ring, start in zip(rings, begin, strict=True):
@@ -152,10 +176,12 @@ def image_box(attributes: dict[str, str]) -> list[float]:
     return [length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height")]
 
 
-def foreign(shapes: list[Shape]) -> bool:
+def has_external_image(shapes: list[Shape]) -> bool:
     """Whether the look of a stroke is in images that are not looked at: of another sort than PNG, or elsewhere."""
     images = [shape for shape in shapes if shape.tag == "image"]
-    return len(images) == len(shapes) > 0 and not any(_PNG.match(_href(shape.attributes)) for shape in images)
+    return len(images) == len(shapes) > 0 and not any(
+        _PNG.match(_href(shape.attributes)) for shape in images
+    )
 
 
 def _shows(shape: Shape) -> bool:
@@ -163,7 +189,9 @@ def _shows(shape: Shape) -> bool:
     a, b, c, d = shape.matrix[:4]
     if abs(a * d - b * c) < 1e-12:
         return False
-    return shape.tag == "path" or (_PNG.match(_href(shape.attributes)) and min(image_box(shape.attributes)[2:]) > 0)
+    return shape.tag == "path" or (
+        _PNG.match(_href(shape.attributes)) and min(image_box(shape.attributes)[2:]) > 0
+    )
 
 
 def _density(shape: Shape, image: Image.Image | None) -> float:

@@ -63,7 +63,9 @@ def tones(drawing: Drawing, index, count: int = 3, tolerance: float = 0.1) -> To
     alpha = rgba[..., 3].astype(np.float32) / 255.0
     levels, thresholds, color = _levels(alpha, rgba, strips, count, inks(texture).color[index])
     field, grids = _rimmed(alpha, strips, wraps)
-    frames = np.concatenate([_frames(*pair) for pair in zip(bands, np.diff(strips), strict=True)] or [np.zeros((0, 5))])
+    frames = np.concatenate(
+        [_frames(*pair) for pair in zip(bands, np.diff(strips), strict=True)] or [np.zeros((0, 5))]
+    )
     rings = []
     for k in range(count):
         at, ends, stroke = isolines(field, grids, wraps, thresholds[:, k])
@@ -71,7 +73,9 @@ def tones(drawing: Drawing, index, count: int = 3, tolerance: float = 0.1) -> To
         rings.append((xy, ends, stroke, np.full(len(stroke), k)))
     xy = np.concatenate([ring[0] for ring in rings])
     shift = np.cumsum([0] + [len(ring[0]) for ring in rings])
-    ends = np.concatenate([ring[1][:-1] + a for ring, a in zip(rings, shift, strict=False)] + [shift[-1:]])
+    ends = np.concatenate(
+        [ring[1][:-1] + a for ring, a in zip(rings, shift, strict=False)] + [shift[-1:]]
+    )
     stroke, tone = (np.concatenate([ring[k] for ring in rings]) for k in (2, 3))
     points, ends, kept = _splines(xy, ends, SLACK * tolerance)
     order = _largest_first(np.abs(_areas(points, ends)), stroke[kept] * count + tone[kept])
@@ -104,11 +108,19 @@ def _levels(alpha, rgba, offsets, count, ink):
     row = np.arange(strokes)[:, None]
     for _ in range(4):
         threshold = 0.5 * (level + np.concatenate([np.zeros((strokes, 1)), level[:, :-1]], axis=1))
-        cut = np.concatenate([np.ceil(threshold * 255).astype(np.int64), np.full((strokes, 1), 256)], axis=1)
+        cut = np.concatenate(
+            [np.ceil(threshold * 255).astype(np.int64), np.full((strokes, 1), 256)], axis=1
+        )
         number = below[row, cut[:, 1:]] - below[row, cut[:, :-1]]
-        level = np.where(number > 0, (mass[row, cut[:, 1:]] - mass[row, cut[:, :-1]]) / np.maximum(number, 1e-9), level)
+        level = np.where(
+            number > 0,
+            (mass[row, cut[:, 1:]] - mass[row, cut[:, :-1]]) / np.maximum(number, 1e-9),
+            level,
+        )
     shown = (number * level).sum(axis=1)
-    level = np.minimum(level * (mass[:, -1] / np.maximum(shown, 1e-9)).clip(1.0, 1.25)[:, None], 1.0)
+    level = np.minimum(
+        level * (mass[:, -1] / np.maximum(shown, 1e-9)).clip(1.0, 1.25)[:, None], 1.0
+    )
     same = np.diff(level, axis=1, prepend=0.0) < 1.0 / 255.0
     last = np.argsort(same, axis=1, kind="stable")
     level, threshold = level[row, last], np.where(same, 2.0, threshold)[row, last]
@@ -120,16 +132,24 @@ def _levels(alpha, rgba, offsets, count, ink):
     weight = rgba[..., 3].reshape(-1).astype(np.float64)
     total = np.bincount(key, weight, strokes * (count + 1))
     mean = np.stack(
-        [np.bincount(key, weight * rgba[..., c].reshape(-1), strokes * (count + 1)) for c in range(3)], axis=1
+        [
+            np.bincount(key, weight * rgba[..., c].reshape(-1), strokes * (count + 1))
+            for c in range(3)
+        ],
+        axis=1,
     )
     mean = np.where(
-        total[:, None] > 0, mean / np.maximum(total, 1e-9)[:, None] / 255.0, np.repeat(ink, count + 1, axis=0)
+        total[:, None] > 0,
+        mean / np.maximum(total, 1e-9)[:, None] / 255.0,
+        np.repeat(ink, count + 1, axis=0),
     )
     wanted = mean.reshape(strokes, count + 1, 3)[:, 1:] * level[..., None]
     color, under, clear = np.empty((strokes, count, 3)), np.zeros((strokes, 3)), np.ones(strokes)
     for k in range(count):
         left = (1.0 - level[:, k]) / np.maximum(clear, 1e-6)  # of what is beneath
-        color[:, k] = np.clip((wanted[:, k] - left[:, None] * under) / np.maximum(1.0 - left, 1e-3)[:, None], 0, 1)
+        color[:, k] = np.clip(
+            (wanted[:, k] - left[:, None] * under) / np.maximum(1.0 - left, 1e-3)[:, None], 0, 1
+        )
         under, clear = wanted[:, k], 1.0 - level[:, k]
     return level, np.maximum(threshold, CLEAR), color
 
@@ -140,10 +160,14 @@ def _partitioned(histogram, count):
     By dynamic programming (Wang and Song 2011) over COARSE bins.
     """
     value = np.arange(256) / 255.0
-    sums = np.stack([histogram, histogram * value, histogram * value * value]).reshape(3, -1, COARSE, 256 // COARSE)
+    sums = np.stack([histogram, histogram * value, histogram * value * value]).reshape(
+        3, -1, COARSE, 256 // COARSE
+    )
     number, mass, square = np.pad(np.cumsum(sums.sum(axis=3), axis=2), ((0, 0), (0, 0), (1, 0)))
     n, m, q = (total[:, None, :] - total[:, :, None] for total in (number, mass, square))
-    cost = np.where(np.tri(COARSE + 1, k=-1, dtype=bool), np.inf, q - m * m / np.maximum(n, 1e-9))  # of bins i to j - 1
+    cost = np.where(
+        np.tri(COARSE + 1, k=-1, dtype=bool), np.inf, q - m * m / np.maximum(n, 1e-9)
+    )  # of bins i to j - 1
     best, cuts = square, []
     for _ in range(count):
         total = best[:, :, None] + cost
@@ -152,7 +176,9 @@ def _partitioned(histogram, count):
     end, level = np.full((len(histogram), 1), COARSE), np.zeros((len(histogram), count))
     for k in reversed(range(count)):
         begin = np.take_along_axis(cuts[k], end, axis=1)
-        part, share = (np.take_along_axis(s, end, 1) - np.take_along_axis(s, begin, 1) for s in (mass, number))
+        part, share = (
+            np.take_along_axis(s, end, 1) - np.take_along_axis(s, begin, 1) for s in (mass, number)
+        )
         level[:, k] = (part / np.maximum(share, 1e-9))[:, 0]
         end = begin
     return np.maximum.accumulate(level, axis=1)
@@ -163,7 +189,10 @@ def _rimmed(alpha, offsets, wraps):
     count = np.diff(offsets) + np.where(wraps, 1, 2)
     grids = np.r_[0, np.cumsum(count)]
     field = np.zeros((grids[-1], alpha.shape[1] + 2), np.float32)
-    field[np.arange(len(alpha)) + np.repeat(grids[:-1] + ~wraps - offsets[:-1], np.diff(offsets)), 1:-1] = alpha
+    field[
+        np.arange(len(alpha)) + np.repeat(grids[:-1] + ~wraps - offsets[:-1], np.diff(offsets)),
+        1:-1,
+    ] = alpha
     ends = grids[1:][wraps] - 1
     field[ends] = field[grids[:-1][wraps]]
     return field, grids
@@ -190,7 +219,11 @@ def _frames(band: Ribbon, rows: int) -> np.ndarray:
     bend = np.diff(heading) / np.maximum(np.diff(middle), 1e-9)
     piece = np.searchsorted(middle, u)
     curvature = np.r_[0.0, bend, 0.0][np.clip(piece, 0, len(bend) + 1)]
-    columns = [np.interp(u, along, xy[:, 0]), np.interp(u, along, xy[:, 1]), np.interp(u, middle, heading)]
+    columns = [
+        np.interp(u, along, xy[:, 0]),
+        np.interp(u, along, xy[:, 1]),
+        np.interp(u, middle, heading),
+    ]
     return np.stack([*columns, np.interp(u, along, half), curvature], axis=1)
 
 
@@ -219,9 +252,13 @@ def _place(at, frames, columns):
     v = np.r_[-1.0, (2.0 * np.arange(columns) + 1.0) / columns - 1.0, 1.0]
     column = np.minimum(at[:, 1].astype(np.int64), columns)
     across = (v[column] + (at[:, 1] - column) * (v[column + 1] - v[column])) * frame[:, 3]
-    bend = across * frame[:, 4]  # above 1, the inside of the bend is folded: there all lie on the bend's own centre
+    bend = (
+        across * frame[:, 4]
+    )  # above 1, the inside of the bend is folded: there all lie on the bend's own centre
     across = np.where(bend > FOLD, across * FOLD / np.where(bend > FOLD, bend, 1.0), across)
-    return frame[:, :2] + across[:, None] * np.stack([-np.sin(frame[:, 2]), np.cos(frame[:, 2])], axis=1)
+    return frame[:, :2] + across[:, None] * np.stack(
+        [-np.sin(frame[:, 2]), np.cos(frame[:, 2])], axis=1
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------ paths
@@ -272,7 +309,9 @@ def _fitted(xy, ends, keep, offsets):
     """
     before, after = _neighbours(offsets)
     kept = xy[keep]
-    through = 1.25 * kept - 0.125 * (kept[before] + kept[after])  # the middle is at (before + 6 here + after) / 8
+    through = 1.25 * kept - 0.125 * (
+        kept[before] + kept[after]
+    )  # the middle is at (before + 6 here + after) / 8
     free = np.ones(len(xy), bool)
     free[ends[1:] - 1] = False
     begin = np.flatnonzero(keep)
@@ -287,7 +326,9 @@ def _fitted(xy, ends, keep, offsets):
     basis = np.stack([0.5 * (1 - t) ** 2, 0.5 + t * (1 - t), 0.5 * t * t], axis=1)
     columns = np.stack([before[middle], middle, after[middle]], axis=1)
     shape = (len(t), len(kept))
-    matrix = csr_array((basis.reshape(-1), columns.reshape(-1), np.arange(0, 3 * len(t) + 1, 3)), shape)
+    matrix = csr_array(
+        (basis.reshape(-1), columns.reshape(-1), np.arange(0, 3 * len(t) + 1, 3)), shape
+    )
     normal = (matrix.T @ matrix + HELD * identity(len(kept))).tocsc()
     return spsolve(normal, matrix.T @ xy[free] + HELD * through)
 
@@ -302,7 +343,10 @@ def _neighbours(offsets):
     some = np.flatnonzero(np.diff(offsets))
     rows = np.arange(offsets[-1])
     before, after = rows - 1, rows + 1
-    before[offsets[:-1][some]], after[offsets[1:][some] - 1] = offsets[1:][some] - 1, offsets[:-1][some]
+    before[offsets[:-1][some]], after[offsets[1:][some] - 1] = (
+        offsets[1:][some] - 1,
+        offsets[:-1][some],
+    )
     return before, after
 
 
@@ -341,7 +385,9 @@ def tone_paths(regions: Tones) -> list[list[tuple[np.ndarray, float, str]]]:
             for values in (jump, 2 * points[offsets[:-1]] - begin, middle - middle[before])
         )
         ends = offsets.tolist()
-        rings = zip(regions.stroke.tolist(), regions.tone.tolist(), ends[:-1], ends[1:], strict=True)
+        rings = zip(
+            regions.stroke.tolist(), regions.tone.tolist(), ends[:-1], ends[1:], strict=True
+        )
         for k, (stroke, tone, a, b) in enumerate(rings):
             first = " ".join((*controls[2 * k : 2 * k + 2], *steps[2 * a : 2 * a + 2]))
             paths[stroke][tone].append(
@@ -349,6 +395,10 @@ def tone_paths(regions: Tones) -> list[list[tuple[np.ndarray, float, str]]]:
             )
     made = []
     for stroke, layers in enumerate(paths):
-        shown = [(k, "M" + "".join(rings)[1:].replace(" -", "-")) for k, rings in enumerate(layers) if rings]
+        shown = [
+            (k, "M" + "".join(rings)[1:].replace(" -", "-"))
+            for k, rings in enumerate(layers)
+            if rings
+        ]
         made.append([(regions.color[stroke, k], regions.opacity[stroke, k], d) for k, d in shown])
     return made

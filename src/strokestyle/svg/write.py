@@ -15,18 +15,18 @@ import resvg_py
 
 from ..drawing.outline import outlines
 from ..drawing.ribbon import overlaps, ribbon
-from ..drawing.strip import FEW, LEVELS, strips_png
 from ..drawing.strokes import Drawing, Strokes, paint_order
 from ..files import write_bytes
 from ..geometry.curves import KINDS, Curves, arc_length, simplify_all
 from ..geometry.parts import Parts
 from .centre_lines import EFFECT, effect, plotter_svg, power_strokes
-from .document import Mark, SvgOptions, document, layered
+from .document import LayerItem, document, layered
+from .format import ID_PLACEHOLDER, SvgOptions, markup_options
 from .images import stroke_images
 from .ink import inks
+from .landmarks import enclosed, fine_line, first_line, landmarks
 from .markup import attribute, element, hex_color, number, numbers, polyline_path, rings_path, units
-from .path_data import enclosed, fine_line, first_line, landmarks
-from .read import NAME, drawn_by, read
+from .strip_image import FEW, LEVELS, strips_png
 from .tones import UNIT, tone_paths, tones
 
 SAME_INK = 2.5 / 255  # colours nearer than this are one
@@ -36,8 +36,6 @@ WIDTH_SLACK = 0.004  # px a width may be off where data-ss-width leaves points o
 ID = re.compile(r"[A-Za-z_][\w.-]{0,99}", re.ASCII)
 RESERVED = re.compile(f"paper|layer-({'|'.join(KINDS)})")
 RESERVED_WITH_PARTS = re.compile("paper|(layer|part)-.*")
-
-__all__ = ["plain_svg", "png_from_svg", "read", "save_svg", "settled", "write_svg", "write_text"]
 
 
 def write_svg(
@@ -66,43 +64,62 @@ def write_svg(
     options = replace(options or SvgOptions(), **changes)
     if options.plotter:
         return plotter_svg(drawing, options)
-    options = settled(drawing, options)
+    options = resolve_texture(drawing, options)
     order = paint_order(drawing, options.layers)
     names = _names(order, ids, drawing.parts is not None)
     drawn = {}
     if drawing.art:
         kept = {i: drawing.art.get(drawing.digest(i)) for i in order.tolist()}
-        drawn = {i: art[1:] for i, art in kept.items() if art and art[0] == drawn_by(options)}
+        drawn = {i: art[1:] for i, art in kept.items() if art and art[0] == markup_options(options)}
     new = order[[i not in drawn for i in order.tolist()]]
     for i, stroke in zip(new.tolist(), _drawn(drawing, options, new), strict=True):
         drawn[i] = stroke
     if options.texture != "none":
         # what is drawn shows the texture, and is where a reader finds it, but for strokes that lie on themselves
         lying = [i for i in new.tolist() if _overlaps(drawing, i)]
-        kept = {i for i, (_, markup, *_) in drawn.items() if " data-ss-texture=" in markup}.union(lying)
+        kept = {i for i, (_, markup, *_) in drawn.items() if " data-ss-texture=" in markup}.union(
+            lying
+        )
         others = [i for i in order.tolist() if i not in kept] if strips else []
         few = FEW if options.texture == "vector" else LEVELS  # a few tones need no more
-        for name, index, levels in (("data-ss-texture", lying, few), ("data-ss-strip", others, LEVELS)):
+        for name, index, levels in (
+            ("data-ss-texture", lying, few),
+            ("data-ss-strip", others, LEVELS),
+        ):
             for i, strip in zip(index, strips_png(drawing, index, levels), strict=True):
                 tag, markup, *points = drawn[i]
-                drawn[i] = (tag, f' {name}="{base64.b64encode(strip).decode("ascii")}"{markup}', *points)
+                drawn[i] = (
+                    tag,
+                    f' {name}="{base64.b64encode(strip).decode("ascii")}"{markup}',
+                    *points,
+                )
     marks, effects = [], ""
     for i in order.tolist():
         tag, markup, *points = drawn[i]
         part = "" if drawing.parts is None else drawing.parts.name(i)
-        begin = f'\n<{tag} id="{names[i]}" class="stroke"' + (attribute("data-ss-part", part) if part else "")
-        marks.append(Mark(begin + markup.replace(NAME, names[i]), KINDS[drawing.strokes.kind[i]], part))
+        begin = f'\n<{tag} id="{names[i]}" class="stroke"' + (
+            attribute("data-ss-part", part) if part else ""
+        )
+        marks.append(
+            LayerItem(
+                begin + markup.replace(ID_PLACEHOLDER, names[i]),
+                KINDS[drawing.strokes.kind[i]],
+                part,
+            )
+        )
         effects += "".join(effect(names[i], text) for text in points)
     none = options.layers == "none"
     content = "".join(mark.markup for mark in marks) if none else layered(marks, options.layers)
     if effects:
         content = element("defs", {}, effects) + content
     used = {mark.part for mark in marks}
-    parts = () if drawing.parts is None else tuple(name for name in drawing.parts.names if name in used)
+    parts = (
+        () if drawing.parts is None else tuple(name for name in drawing.parts.names if name in used)
+    )
     return document(content, drawing.size, options, ours=True, parts=parts)
 
 
-def settled(drawing: Drawing, options: SvgOptions) -> SvgOptions:
+def resolve_texture(drawing: Drawing, options: SvgOptions) -> SvgOptions:
     """The options with the texture that `write_svg` will choose for this drawing."""
     texture = options.texture
     if options.inkscape_lpe or drawing.texture is None:
@@ -131,9 +148,13 @@ def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray):
     """(tag, markup after id and class) of each stroke of `index`; of a PowerStroke, its offset points besides."""
     make = {"none": _flat, "vector": _tones, "image": _images}[options.texture]
     knots = _knots(drawing.strokes)
-    for i, (tag, attributes, content) in zip(index.tolist(), make(drawing, options, index), strict=True):
+    for i, (tag, attributes, content) in zip(
+        index.tolist(), make(drawing, options, index), strict=True
+    ):
         data = _data(drawing, i, options.decimals, knots)
-        if options.texture == "vector" and "fill-opacity" in data:  # tones have their own: scour would drop the group's
+        if (
+            options.texture == "vector" and "fill-opacity" in data
+        ):  # tones have their own: scour would drop the group's
             data["data-ss-opacity"] = data.pop("fill-opacity")
         if options.texture != "none":
             data["data-ss-margin"] = number(drawing.texture.margin[i], 4)
@@ -144,14 +165,21 @@ def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray):
 
 def _overlaps(drawing: Drawing, i: int) -> bool:
     """Whether what is drawn of stroke i hides some of its texture."""
-    xy, margin = drawing.strokes.xy[slice(*drawing.strokes.offsets[i : i + 2])], drawing.texture.margin[i]
+    xy, margin = (
+        drawing.strokes.xy[slice(*drawing.strokes.offsets[i : i + 2])],
+        drawing.texture.margin[i],
+    )
     step, way = np.diff(xy, axis=0), xy[-1] - xy[0]
-    if (step @ way >= 0.5 * np.hypot(*step.T) * np.hypot(*way)).all() and way.any():  # most strokes, and at once
+    if (
+        step @ way >= 0.5 * np.hypot(*step.T) * np.hypot(*way)
+    ).all() and way.any():  # most strokes, and at once
         return False
     return overlaps(ribbon(drawing.strokes, i, margin), margin)
 
 
-def save_svg(path: str | Path, drawing: Drawing, options: SvgOptions | None = None, **changes) -> None:
+def save_svg(
+    path: str | Path, drawing: Drawing, options: SvgOptions | None = None, **changes
+) -> None:
     """`write_svg` to a file, whole or not at all; compressed where its suffix is .svgz. Raises OSError, naming it."""
     write_text(path, write_svg(drawing, options, **changes))
 
@@ -181,32 +209,42 @@ def plain_svg(
     Those that are `hidden` are thin and dashed, on layers of their own beneath: hidden-contour and so on. `parts` and
     `hidden_parts`, of each curve, make a layer of each part in those.
     """
-    options = SvgOptions(decimals=decimals, title=title, description=description, background=background)
+    options = SvgOptions(
+        decimals=decimals, title=title, description=description, background=background
+    )
     pen = {"fill": "none", "stroke": "#000000", "stroke-width": "1", "stroke-linecap": "round"}
     pen["stroke-linejoin"] = "round"
     content = ""
     if hidden is not None and len(hidden):
-        dashes = pen | {"stroke-width": "0.5", "stroke-linecap": "butt", "stroke-dasharray": "4 2.5"}
+        dashes = pen | {
+            "stroke-width": "0.5",
+            "stroke-linecap": "butt",
+            "stroke-dasharray": "4 2.5",
+        }
         marks = _plain_marks(hidden, hidden_parts, "h", decimals)
         content += layered(marks, "kind", dashes | {"data-ss-hidden": "1"}, prefix="hidden-")
     content += layered(_plain_marks(curves, parts, "k", decimals), "kind", pen)
     return document(content, size, options)
 
 
-def _plain_marks(curves: Curves, parts: Parts | None, letter: str, decimals: int) -> list[Mark]:
+def _plain_marks(
+    curves: Curves, parts: Parts | None, letter: str, decimals: int
+) -> list[LayerItem]:
     """Curves as path elements, the most important kind last, so that it lies on top."""
     marks, digits = [], max(3, len(str(max(len(curves) - 1, 0))))
     index = np.zeros(len(curves)) if parts is None else parts.index
     for place, i in enumerate(np.lexsort((index, -curves.kind.astype(np.int64))).tolist()):
         d = polyline_path(curves[i], decimals, bool(curves.closed[i]))
         path = element("path", {"id": f"{letter}{place:0{digits}d}", "d": d, "class": "curve"})
-        marks.append(Mark(path, KINDS[curves.kind[i]], "" if parts is None else parts.name(i)))
+        marks.append(LayerItem(path, KINDS[curves.kind[i]], "" if parts is None else parts.name(i)))
     return marks
 
 
 def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#ffffff") -> bytes:
     """SVG text -> PNG bytes at `scale` px a px, by resvg. Raises ValueError where resvg cannot read the text."""
-    return bytes(resvg_py.svg_to_bytes(svg_string=text, background=background, zoom=scale, dpi=96.0))
+    return bytes(
+        resvg_py.svg_to_bytes(svg_string=text, background=background, zoom=scale, dpi=96.0)
+    )
 
 
 # ------------------------------------------------------------------------------- what fills a stroke, by encoding
@@ -214,14 +252,25 @@ def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#fffff
 
 def _flat(drawing, options, order):
     """(tag, attributes, content) of each stroke: its outline."""
-    skeletons = power_strokes(drawing, options, order.tolist()) if options.inkscape_lpe else [None] * len(order)
-    for rings, skeleton in zip(outlines(drawing.strokes, options.tolerance, order), skeletons, strict=True):
+    skeletons = (
+        power_strokes(drawing, options, order.tolist())
+        if options.inkscape_lpe
+        else [None] * len(order)
+    )
+    for rings, skeleton in zip(
+        outlines(drawing.strokes, options.tolerance, order), skeletons, strict=True
+    ):
         d = rings_path(rings, options.decimals)
         at = {"data-ss-at": _edge_at(fine_line(rings[0]))} if rings else {}
         attributes = {**at, "fill-rule": "nonzero", "d": d}
         if skeleton is not None:
-            attributes |= {"inkscape:path-effect": f"#{EFFECT}{NAME}", "inkscape:original-d": skeleton[0]}
-            attributes["data-ss-spine"] = _at(landmarks(first_line(skeleton[0])))  # Inkscape draws the outline anew
+            attributes |= {
+                "inkscape:path-effect": f"#{EFFECT}{ID_PLACEHOLDER}",
+                "inkscape:original-d": skeleton[0],
+            }
+            attributes["data-ss-spine"] = _at(
+                landmarks(first_line(skeleton[0]))
+            )  # Inkscape draws the outline anew
             attributes["points"] = skeleton[1]  # for the effect in the file's head
         yield "path", attributes, ""
 
@@ -235,9 +284,17 @@ def _tones(drawing, options, order):
         # the tone nearest to the stroke's ink has that ink, so that programs see the stroke's fill in use
         stray = [float(np.abs(color - ink).max()) for color, _, _ in paths]
         for (color, opacity, d), off in zip(paths, stray, strict=True):
-            fill = {} if off < SAME_INK or off == min(stray) < NEAR_INK else {"fill": hex_color(color)}
-            content += element("path", {**fill, "fill-opacity": number(opacity, 2), "transform": unit, "d": d})
-        yield "g", {"data-ss-at": _edge_at(UNIT * first_line(paths[0][2]))} if paths else {}, content
+            fill = (
+                {} if off < SAME_INK or off == min(stray) < NEAR_INK else {"fill": hex_color(color)}
+            )
+            content += element(
+                "path", {**fill, "fill-opacity": number(opacity, 2), "transform": unit, "d": d}
+            )
+        yield (
+            "g",
+            {"data-ss-at": _edge_at(UNIT * first_line(paths[0][2]))} if paths else {},
+            content,
+        )
 
 
 def _images(drawing, options, order):
@@ -266,7 +323,9 @@ def _knots(strokes: Strokes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return along, bends, simplify_all(widths, strokes.offsets, WIDTH_SLACK)
 
 
-def _data(drawing: Drawing, i: int, decimals: int, knots: tuple[np.ndarray, np.ndarray, np.ndarray]) -> dict[str, str]:
+def _data(
+    drawing: Drawing, i: int, decimals: int, knots: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> dict[str, str]:
     """The stroke as data: its centre line and widths, without the points that lie between their neighbours anyway."""
     strokes = drawing.strokes
     rows = slice(strokes.offsets[i], strokes.offsets[i + 1])

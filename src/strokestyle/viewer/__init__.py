@@ -1,0 +1,1 @@
+"""The page that shows drawings and plays with them."""

@@ -15,7 +15,12 @@ from pathlib import Path
 from .. import __version__
 
 FOLDER = Path(__file__).parent
-PAINTER = ("geometry.js", "paint.js", "strips.js", "marks.js")  # the script of the page's workers as well
+PAINTER = (
+    "geometry.js",
+    "paint.js",
+    "strips.js",
+    "marks.js",
+)  # the script of the page's workers as well
 SCRIPTS = ("outline.js", "png.js", "tones.js", "document.js", "app.js")
 
 
@@ -35,7 +40,9 @@ def page_html(drawings: list[tuple[str, str]]) -> str:
     if not drawings:
         raise ValueError("a page needs at least one drawing")
     style = _text("page.css")
-    painter, script = ('"use strict";\n' + "".join(map(_text, names)) for names in (PAINTER, SCRIPTS))
+    painter, script = (
+        '"use strict";\n' + "".join(map(_text, names)) for names in (PAINTER, SCRIPTS)
+    )
     parts = {
         "policy": "; ".join(
             (
@@ -48,7 +55,9 @@ def page_html(drawings: list[tuple[str, str]]) -> str:
             )
         ),
         "generator": f"strokestyle {__version__}",
-        "title": html.escape(", ".join(name for name, _ in drawings[:3]) + (" ..." if len(drawings) > 3 else "")),
+        "title": html.escape(
+            ", ".join(name for name, _ in drawings[:3]) + (" ..." if len(drawings) > 3 else "")
+        ),
         "style": style,
         "painter": painter,
         "script": script,
@@ -62,7 +71,9 @@ def _text(name: str) -> str:
 
 
 def _hash(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode(
+        "ascii"
+    )
 
 
 def _json(value) -> str:

@@ -1,0 +1,198 @@
+"""Extract a view: lines, hidden parts cut away, tidied, evenly spaced, and the feature maps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..geometry.curves import (
+    DEFAULT_SPACING,
+    KINDS,
+    Curves,
+    arc_length,
+    clip,
+    clip_with_source,
+    owner,
+    resample_curves,
+)
+from ..geometry.parts import Parts, part_name
+from ..mesh.surface import Surface
+from .camera import Camera
+from .feature_maps import NEURAL_STROKES_MAPS, NORMAL_MAPS, FeatureMaps, feature_maps, plain_raster
+from .line_options import LineOptions
+from .lines import feature_curves
+from .rays import Bvh
+from .tidy import subtract_parallel, tidy
+from .view import View
+from .visible import SHARP_KINDS, look_along
+
+HARD_KINDS = ("contour", *SHARP_KINDS)  # lines that are drawn hidden too
+# px that a line of another kind counts as farther away, where the line of a point is sought
+OTHER_KIND = 1.5
+
+LOOSE = 50.0  # px, an intersection that is shorter may go with the lines that it is chained to
+RIM = (
+    1.5,
+    5.0,
+)  # px round a point of a line from elsewhere, in which the shape is sought that it was drawn for
+
+
+def extract_view(
+    surface: Surface,
+    camera: Camera,
+    options: LineOptions | None = None,
+    spacing: float = DEFAULT_SPACING,
+    scene: Bvh | None = None,
+    hidden: bool = False,
+) -> View:
+    """Draw a surface plainly: feature curves, hidden parts cut away, tidied, evenly spaced; and the feature maps.
+
+    `scene` is the surface's own; give it to draw several views without building it again. `hidden` asks for the hidden
+    parts too, of the kinds in HARD_KINDS: those describe the shape, the others only how its front looks.
+    """
+    options, size = options or LineOptions(), (camera.width, camera.height)
+    scene = scene or Bvh(surface)
+    lines = feature_curves(surface, camera, options)
+    sight = look_along(surface, camera, lines, scene)
+    fragments, strength, face = sight.fragments(lines, sight.seen)
+    strokes = tidy(fragments, strength, size)
+    curves = resample_curves(strokes, spacing)
+    faces, behind, hidden_faces = _faces_at(surface, curves, fragments, face), Curves.empty(), None
+    if hidden:
+        kinds = tuple(kind for kind in options.kinds if kind in HARD_KINDS)
+        every = feature_curves(surface, camera, replace(options, kinds=kinds, trim=False))
+        sight = look_along(surface, camera, every, scene)
+        whole, _, face = sight.fragments(every, sight.hidden)
+        fragments = subtract_parallel(whole, strokes, size)
+        behind = resample_curves(tidy(fragments, np.ones(len(fragments.xy)), size), spacing)
+        hidden_faces = _faces_at(surface, behind, whole, face)
+    view = View(camera, curves, feature_maps(surface, camera, curves, scene), behind)
+    return _with_parts(view, surface, faces, hidden_faces)
+
+
+def view_of_curves(
+    surface: Surface,
+    camera: Camera,
+    curves: Curves,
+    spacing: float = DEFAULT_SPACING,
+    scene: Bvh | None = None,
+) -> View:
+    """A view with curves from elsewhere, clipped to the canvas and evenly spaced; the surface gives maps and parts."""
+    curves, scene = (
+        resample_curves(clip(curves, camera.width, camera.height), spacing),
+        scene or Bvh(surface),
+    )
+    view = View(camera, curves, feature_maps(surface, camera, curves, scene))
+    return _with_parts(view, surface, _faces_in_front(surface, camera, curves.xy, scene))
+
+
+def view_of_lines(
+    curves: Curves,
+    width: int,
+    height: int,
+    spacing: float = DEFAULT_SPACING,
+    parts: Parts | None = None,
+) -> View:
+    """Lines without a shape: no surface is seen anywhere, and the maps are those of the background.
+
+    `parts` : the named part that each of the curves (C,) belongs to
+    """
+    curves, source = clip_with_source(curves, width, height)
+    curves = resample_curves(curves, spacing)
+    names = (*NEURAL_STROKES_MAPS, *NORMAL_MAPS, "plain")
+    values = np.ones((len(names), height, width), np.float32)
+    values[len(NEURAL_STROKES_MAPS) : -1] = 0.0
+    values[-1] = plain_raster(curves, width, height)
+    camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 30.0, width, height)
+    of_points = None if parts is None else parts.take(source[owner(curves.offsets)])
+    return View(
+        camera, curves, FeatureMaps(names, values, np.zeros((height, width), bool)), parts=of_points
+    )
+
+
+def _with_parts(
+    view: View, surface: Surface, faces: np.ndarray | None, hidden_faces: np.ndarray | None = None
+) -> View:
+    """The view with the parts of its curves' points, which lie on `faces` (N,), -1 where they lie on none.
+
+    Parts are put in order by the mean depth of their visible lines, so that of two that meet the nearer is painted
+    last.
+    """
+    if faces is None:
+        return view
+    name = [part_name(text) for text in surface.part_names]
+    names = [text for text in dict.fromkeys(name) if text]
+    number = {text: i for i, text in enumerate(names)} | {"": -1}
+    of_part = np.array([number[text] for text in name])
+    hidden_faces = np.zeros(0, np.int64) if hidden_faces is None else hidden_faces
+    index, hidden = (np.where(f < 0, -1, of_part[surface.part[f]]) for f in (faces, hidden_faces))
+    depth = view.at_curves(["depth"])[:, 0]
+    count, total = (np.bincount(index + 1, weight, len(names) + 1)[1:] for weight in (None, depth))
+    order = np.argsort(-np.where(count > 0, total / np.maximum(count, 1), np.inf), kind="stable")
+    place = np.r_[np.argsort(order), -1]  # of -1 it is -1
+    parts, behind = (Parts(tuple(names[i] for i in order), place[rows]) for rows in (index, hidden))
+    return replace(view, parts=parts, hidden_parts=behind if len(view.hidden) else None)
+
+
+def _has_parts(surface: Surface) -> bool:
+    return len(surface.part_names) > 1 and len({part_name(text) for text in surface.part_names}) > 1
+
+
+def _faces_at(
+    surface: Surface, curves: Curves, fragments: Curves, face: np.ndarray
+) -> np.ndarray | None:
+    """The face (N,) that each point of curves lies on, which were made of fragments whose points lie on `face` (M,).
+
+    That is the face of the nearest point, rather of a line of the same kind: a curve may be chained of several. An
+    intersection is of two parts, so that a short stretch of it goes with what it is chained to. None where faces tell
+    nothing.
+    """
+    if not _has_parts(surface):
+        return None
+    if not (len(fragments) and len(curves)):
+        return np.full(len(curves.xy), -1)
+    away, near = cKDTree(fragments.xy).query(curves.xy, k=min(8, len(fragments.xy)))
+    away, near = away.reshape(len(curves.xy), -1), near.reshape(len(curves.xy), -1)
+    kind, curve = fragments.kind[owner(fragments.offsets)[near]], owner(curves.offsets)
+    best = (away + OTHER_KIND * (kind != curves.kind[curve][:, None])).argmin(axis=1)[:, None]
+    found, kind = (np.take_along_axis(rows, best, 1)[:, 0] for rows in (face[near], kind))
+    loose, along = kind == KINDS.index("intersection"), arc_length(curves.xy, curves.offsets)
+    start = np.flatnonzero(np.r_[True, (loose[1:] != loose[:-1]) | (curve[1:] != curve[:-1])])
+    stop = np.r_[start[1:], len(loose)]
+    loose &= np.repeat(along[stop - 1] - along[start] < LOOSE, stop - start)
+    here, firm = np.arange(len(found)), np.flatnonzero(~loose)
+    if not len(firm):
+        return found
+    after = np.searchsorted(firm, here)
+    sides = firm[
+        np.clip([after - 1, after], 0, len(firm) - 1)
+    ]  # the firm points before and after each point
+    away = np.where(curve[sides] == curve, np.abs(sides - here), len(found))
+    nearest = np.where(away[0] <= away[1], *sides)
+    return found[np.where(away.min(axis=0) < len(found), nearest, here)]
+
+
+def _faces_in_front(
+    surface: Surface, camera: Camera, xy: np.ndarray, scene: Bvh
+) -> np.ndarray | None:
+    """The face (N,) nearest to the eye round each of some pixels (N, 2), -1 where there is none; None as above.
+
+    A line may lie on the rim of what is in front, and a little off it.
+    """
+    if not _has_parts(surface):
+        return None
+    found = np.full(len(xy), -1)
+    angle = np.arange(8) * (np.pi / 4)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    right, down, forward = camera.axes
+    for radius in RIM:
+        lost = np.flatnonzero(found < 0)
+        at = xy[lost, None] + radius * np.concatenate([[[0.0, 0.0]], ring])  # (n, 9, 2)
+        x, y = np.moveaxis(at - [0.5 * camera.width, 0.5 * camera.height], -1, 0)
+        rays = x[..., None] * right + y[..., None] * down + camera.focal * forward
+        hits = scene.first_hit(camera.eye, rays.astype(np.float32).reshape(-1, 3))
+        nearest = hits.distance.reshape(-1, 9).argmin(axis=1)[:, None]
+        found[lost] = np.take_along_axis(hits.face.reshape(len(lost), 9), nearest, 1)[:, 0]
+    return found

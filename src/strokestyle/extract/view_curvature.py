@@ -1,0 +1,74 @@
+"""Differential geometry of a surface as an eye sees it, per vertex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..mesh.surface import Surface
+
+
+@dataclass(frozen=True)
+class ViewFields:
+    """What a surface looks like from an eye, per vertex.
+
+    Parameters
+    ----------
+    n_dot_v : (V,), cosine between the normal and the direction v to the eye
+    u, v : (V,), components of that direction along pdir1 and pdir2
+    """
+
+    n_dot_v: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+    @classmethod
+    def of(cls, surface: Surface, eye: np.ndarray) -> ViewFields:
+        to_eye = eye - surface.vertices
+        to_eye /= np.maximum(np.sqrt(np.einsum("ij,ij->i", to_eye, to_eye)), 1e-30)[:, None]
+        return cls(
+            *(
+                np.einsum("ij,ij->i", to_eye, axis)
+                for axis in (surface.normals, surface.pdir1, surface.pdir2)
+            )
+        )
+
+    def radial_curvature(self, surface: Surface) -> np.ndarray:
+        """Normal curvature along the projected view direction, times the square of that projection's length, (V,).
+
+        The factor keeps it finite and smooth where the view is along the normal; its zeros are those of kr.
+        """
+        return surface.k1 * self.u**2 + surface.k2 * self.v**2
+
+    def radial_derivative(self, surface: Surface) -> np.ndarray:
+        """Derivative of the radial curvature along the projected view direction, times that projection's length, (V,).
+
+        DeCarlo 2003, with the derivative tensor of Rusinkiewicz 2004: C(w, w, w) + 2 n.v tau^2 in rtsc's signs.
+        """
+        u, v = self.u, self.v
+        square = np.maximum(u * u + v * v, 1e-12)
+        p, q, r, s = surface.dcurv.T
+        cubic = (u * u * (u * p + 3.0 * v * q) + v * v * (3.0 * u * r + v * s)) / square
+        torsion = (surface.k2 - surface.k1) * u * v / square
+        return cubic - 2.0 * self.n_dot_v * torsion**2
+
+    def view_curvature(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+        """Judd 2007: largest squared singular value (V,) of the curvature seen in the image, and its direction in
+        the tangent plane, world coordinates (V, 3)."""
+        square = self.u**2 + self.v**2
+        stretch = (1.0 / np.maximum(np.abs(self.n_dot_v), 1e-6) - 1.0) / np.maximum(square, 1e-12)
+        stretch = np.where(square > 1e-12, stretch, 0.0)
+        uu, uv, vv = stretch * self.u**2, stretch * self.u * self.v, stretch * self.v**2
+        # Q = S P^-1: P^-1 stretches by 1 / n.v along the projected view direction
+        q11, q12, q21, q22 = (
+            surface.k1 * (1.0 + uu),
+            surface.k1 * uv,
+            surface.k2 * uv,
+            surface.k2 * (1.0 + vv),
+        )
+        a, b, c = q11**2 + q21**2, q11 * q12 + q21 * q22, q12**2 + q22**2  # Q'Q
+        largest = 0.5 * (a + c) + np.sqrt(b**2 + 0.25 * (a - c) ** 2)
+        angle = 0.5 * np.arctan2(2.0 * b, a - c)
+        direction = np.cos(angle)[:, None] * surface.pdir1 + np.sin(angle)[:, None] * surface.pdir2
+        return largest, direction

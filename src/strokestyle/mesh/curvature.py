@@ -1,0 +1,414 @@
+"""Measure a mesh: normals, principal curvatures and their derivative, feature size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+from .triangles import TINY, Edges, row_dot, scatter_sum, side_vectors, unit_rows
+
+BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
+MANY_STEPS = 8  # of smoothing, before it pays to put vertices in order
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit normals (V, 3): face normals weighted as in Max 1999, exact for points on a sphere."""
+    side = side_vectors(vertices, faces)
+    cross = np.cross(side[0], side[1])
+    square = [np.maximum(row_dot(s, s), TINY) for s in side]
+    weight = np.stack(
+        [
+            1.0 / (square[1] * square[2]),
+            1.0 / (square[2] * square[0]),
+            1.0 / (square[0] * square[1]),
+        ],
+        1,
+    )
+    index = faces.ravel()
+    total = [
+        scatter_sum(index, (weight * cross[:, i, None]).ravel(), len(vertices)) for i in range(3)
+    ]
+    normals = np.stack(total, axis=1)
+    length = np.sqrt(row_dot(normals, normals))
+    lost = ~(
+        length > 1e-12
+    )  # faces that cancel, folded onto each other: any one of their normals will do
+    if lost.any():
+        face = np.zeros(len(vertices), np.int64)
+        face[index] = np.repeat(np.arange(len(faces)), 3)
+        normals[lost] = cross[face[lost]]
+    return unit_rows(normals)
+
+
+def _extrapolate_boundary_normals(
+    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, edges: Edges
+) -> np.ndarray:
+    """Normals (V, 3) with those on boundaries and creases extrapolated instead of averaged.
+
+    A vertex with faces on one side only has the normal of a place half an edge away, which spoils the curvature for two
+    rings of vertices. There the face normals of two rings, each true at its centroid, are fitted by a linear field.
+    """
+    rim = np.unique(edges.ends[edges.uses == 1])
+    if not len(rim):
+        return normals
+    number = np.full(len(vertices), -1)
+    number[rim] = np.arange(len(rim))
+    # pairs of a rim vertex and a face within two rings of it
+    corner_face = np.repeat(np.arange(len(faces)), 3)
+    touches = csr_matrix(
+        (np.ones(faces.size), (faces.ravel(), corner_face)), shape=(len(vertices), len(faces))
+    )
+    pairs = (touches[rim] @ touches.T @ touches).tocoo()
+    vertex, face = pairs.row, pairs.col
+    side = side_vectors(vertices, faces[face])
+    cross = np.cross(side[0], side[1])
+    area = np.sqrt(row_dot(cross, cross))
+    x, y = _tangent_frame(normals[rim])
+    away = vertices[faces[face]].mean(axis=1) - vertices[rim[vertex]]
+    at = np.stack(
+        [np.ones(len(vertex)), row_dot(away, x[vertex]), row_dot(away, y[vertex])], axis=1
+    )
+    unit = cross / np.maximum(area, TINY)[:, None]
+    left, right = np.empty((len(rim), 3, 3)), np.empty((len(rim), 3, 3))
+    for i in range(3):
+        for j in range(3):
+            left[:, i, j] = scatter_sum(vertex, area * at[:, i] * at[:, j], len(rim))
+            right[:, i, j] = scatter_sum(vertex, area * at[:, i] * unit[:, j], len(rim))
+    spread = (
+        1e-6 * (left[:, 1, 1] + left[:, 2, 2]) + TINY
+    )  # faces in a row tell nothing across it: no slope then
+    left[:, 1, 1] += spread
+    left[:, 2, 2] += spread
+    fitted = unit_rows(np.linalg.solve(left + np.diag([TINY, 0, 0]), right)[:, 0])
+    good = row_dot(fitted, normals[rim]) > np.cos(np.radians(30.0))
+    normals = normals.copy()
+    normals[rim[good]] = fitted[good]
+    return normals
+
+
+def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Voronoi area of each corner (F, 3): the part of the face nearer to it than to the other two.
+
+    An obtuse face is cut by the bisectors of its two shorter sides (Rusinkiewicz 2004), so that no share is negative.
+    """
+    side = side_vectors(vertices, faces)
+    cross = np.cross(side[0], side[1])
+    area = 0.5 * np.sqrt(row_dot(cross, cross))
+    square = [row_dot(s, s) for s in side]
+    # barycentric weights of the circumcentre, which is outside the face where one of them is negative
+    weight = [square[i] * (square[i - 2] + square[i - 1] - square[i]) for i in range(3)]
+    scale = 0.5 * area / np.maximum(weight[0] + weight[1] + weight[2], TINY)
+    areas = [scale * (weight[i - 2] + weight[i - 1]) for i in range(3)]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        obtuse = np.flatnonzero(weight[i] <= 0.0)
+        s, a = [part[obtuse] for part in side], area[obtuse]
+        at_j = -0.25 * square[k][obtuse] * a / np.minimum(row_dot(s[i], s[k]), -TINY)
+        at_k = -0.25 * square[j][obtuse] * a / np.minimum(row_dot(s[i], s[j]), -TINY)
+        areas[j][obtuse], areas[k][obtuse], areas[i][obtuse] = at_j, at_k, a - at_j - at_k
+    return np.stack(areas, axis=1)
+
+
+def _tangent_frame(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit tangents (V, 3) with x cross y = normal, without square roots or special cases (Duff et al. 2017)."""
+    nx, ny, nz = normals.T
+    sign = np.where(nz >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    return (
+        np.stack([1.0 + sign * nx * nx * a, sign * b, -sign * nx], axis=1),
+        np.stack([b, sign + ny * ny * a, -ny], axis=1),
+    )
+
+
+def _solve_tridiagonal(diagonal: list, off: list, right: list, rtsc: bool = False) -> list:
+    """Solve many small symmetric positive tridiagonal systems at once; each entry is a row of all of them.
+
+    `rtsc` : leave the last pivot of 3 x 3 systems as it is, the slip of trimesh2's solver.
+    """
+    diagonal, right = list(diagonal), list(right)
+    last = diagonal[-1]
+    for i in range(1, len(diagonal)):
+        ratio = off[i - 1] / np.maximum(diagonal[i - 1], TINY)
+        diagonal[i] = diagonal[i] - ratio * off[i - 1]
+        right[i] = right[i] - ratio * right[i - 1]
+    if rtsc and len(diagonal) == 3:
+        diagonal[-1] = last
+    out = [right[-1] / np.maximum(diagonal[-1], TINY)]
+    for i in range(len(diagonal) - 2, -1, -1):
+        out.insert(0, (right[i] - off[i] * out[0]) / np.maximum(diagonal[i], TINY))
+    return out
+
+
+def differential_geometry(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    smooth: float = 0.0,
+    rtsc: bool = False,
+    edges: Edges | None = None,
+) -> tuple:
+    """Normals, k1, k2, pdir1, pdir2, dcurv, feature size, after Rusinkiewicz 2004.
+
+    `rtsc` : the numbers of rtsc 1.6 to the last digit instead, for comparison with it. It differs from the paper in
+    that its 3 x 3 solver skips the last elimination step, which makes curvature depend on the order of a face's
+    corners, and in that it estimates the feature size from 500 vertices.
+    `edges` : those of the faces, where they are known.
+
+    Least squares on each face fits the second fundamental form to differences of vertex normals, and its derivative to
+    differences of vertex curvatures; vertices average their faces by Voronoi area after turning each face's plane
+    into their own.
+
+    Tensors turn as complex numbers. Write the angle of a frame as e^(i phi); the form [[a, b], [b, c]] is the mean
+    (a + c) / 2, which does not turn, and the deviator (a - c) / 2 + i b, which turns by e^(2 i phi). A symmetric
+    derivative tensor (p, q, r, s) = uuu, uuv, uvv, vvv is one part turning by e^(i phi) and one by e^(3 i phi).
+    """
+    count, index = len(vertices), faces.ravel()
+    normals = vertex_normals(vertices, faces)
+    edges = edges or Edges.of(faces, count)
+    if not rtsc:
+        normals = _extrapolate_boundary_normals(vertices, faces, normals, edges)
+    blur = _blur(edges, count, smooth)
+    if blur is not None:
+        normals = unit_rows(blur(normals))
+    x, y = _tangent_frame(normals)
+    areas = corner_areas(vertices, faces)
+    share = (
+        areas.ravel() / np.maximum(scatter_sum(index, areas.ravel(), count), TINY)[index]
+    ).reshape(-1, 3)
+
+    blocks = [slice(i, i + BLOCK) for i in range(0, len(faces), BLOCK)]
+    frames = [_face_frames(vertices, faces[block], share[block], normals) for block in blocks]
+    mean, deviator = np.empty(faces.shape), np.empty(faces.shape, complex)
+    for block, frame in zip(blocks, frames, strict=True):
+        mean[block], deviator[block] = _forms(frame, normals[faces[block]], rtsc)
+    mean, deviator = (
+        scatter_sum(index, mean.ravel(), count),
+        scatter_sum(index, deviator.ravel(), count),
+    )
+    if blur is not None:
+        mean, deviator = _blur_tensor(blur, mean, deviator, x, y)
+
+    # principal curvatures: mean +- |deviator|, the first along half the deviator's angle
+    spread = np.abs(deviator)
+    angle = 0.5 * np.angle(deviator)
+    convex = mean >= 0.0
+    k1, k2 = (
+        np.where(convex, mean + spread, mean - spread),
+        np.where(convex, mean - spread, mean + spread),
+    )
+    angle = np.where(convex, angle, angle + 0.5 * np.pi)
+    axis = np.exp(1j * angle)
+    pdir1 = axis.real[:, None] * x + axis.imag[:, None] * y
+    pdir2 = axis.real[:, None] * y - axis.imag[:, None] * x
+
+    one, three = np.empty(faces.shape, complex), np.empty(faces.shape, complex)
+    for block, frame in zip(blocks, frames, strict=True):
+        one[block], three[block] = _derivatives(frame, mean[faces[block]], deviator[faces[block]])
+    one = scatter_sum(index, one.ravel(), count) / axis
+    three = scatter_sum(index, three.ravel(), count) / (axis * axis * axis)
+    dcurv = np.stack(
+        [
+            one.real + three.real,
+            one.imag / 3.0 + three.imag,
+            one.real / 3.0 - three.real,
+            one.imag - three.imag,
+        ],
+        axis=1,
+    )
+    return normals, k1, k2, pdir1, pdir2, dcurv, feature_size(vertices, k1, k2, rtsc)
+
+
+@dataclass(frozen=True)
+class _FaceFrames:
+    """Frames (t, b, n) of some faces (F,), and what turns them into the frames (x, y) of their corners.
+
+    t, b : (F, 3)
+    u, v : (3, F), the sides in the frame, side i opposite corner i
+    turn : (F, 3) complex, e^(i phi): t, seen in each corner's frame after the shortest rotation of n onto its normal
+    share : (F, 3), of each corner's average
+    """
+
+    t: np.ndarray
+    b: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    turn: np.ndarray
+    share: np.ndarray
+
+
+def _face_frames(vertices, faces, share, normals) -> _FaceFrames:
+    side = side_vectors(vertices, faces)
+    t = unit_rows(side[0])
+    n = unit_rows(np.cross(side[0], side[1]))
+    b = np.cross(n, t)
+    u = np.stack([row_dot(s, t) for s in side])
+    v = np.stack([row_dot(s, b) for s in side])
+    uu, vv = (u * u).sum(axis=0), (v * v).sum(axis=0)
+    flat = (
+        vv * uu > 1e-16 * (uu + vv) ** 2
+    )  # a sliver says nothing across its length: give it no vote
+    turn = np.empty(faces.shape, complex)
+    for i in range(3):
+        corner_normal = normals[faces[:, i]]
+        tilt = row_dot(t, corner_normal) / np.maximum(1.0 + row_dot(n, corner_normal), 1e-6)
+        rotated = (
+            t - tilt[:, None] * n
+        )  # less a part along the vertex normal, which x and y do not see
+        x, y = _tangent_frame(corner_normal)  # sooner made than fetched
+        turn[:, i].real, turn[:, i].imag = row_dot(rotated, x), row_dot(rotated, y)
+    size = np.abs(turn)
+    turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)
+    return _FaceFrames(t, b, u, v, turn, share * flat[:, None])
+
+
+def _forms(frame: _FaceFrames, normals: np.ndarray, rtsc: bool) -> tuple[np.ndarray, np.ndarray]:
+    """What each corner (F, 3) adds to its vertex's second fundamental form, II . side = dn: mean and deviator."""
+    u, v = frame.u, frame.v
+    uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
+    dn = [normals[:, i - 1] - normals[:, i - 2] for i in range(3)]
+    du = np.stack([row_dot(d, frame.t) for d in dn])
+    dv = np.stack([row_dot(d, frame.b) for d in dn])
+    right = [(du * u).sum(axis=0), (du * v + dv * u).sum(axis=0), (dv * v).sum(axis=0)]
+    e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right, rtsc)
+    mean = (0.5 * (e + g))[:, None] * frame.share
+    deviator = (0.5 * (e - g) + 1j * f)[:, None] * (frame.turn * frame.turn) * frame.share
+    return mean, deviator
+
+
+def _derivatives(
+    frame: _FaceFrames, mean: np.ndarray, deviator: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What each corner (F, 3) adds to its vertex's derivative tensor, given the form at the corners: its two parts."""
+    u, v = frame.u, frame.v
+    uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
+    turn_twice = frame.turn * frame.turn
+    # differences of the form, seen in the face's frame, along the sides
+    seen = (deviator * np.conj(turn_twice)).T
+    h = mean.T
+    d_mean = np.stack([h[i - 1] - h[i - 2] for i in range(3)])
+    d_dev = np.stack([seen[i - 1] - seen[i - 2] for i in range(3)])
+    d_uu, d_uv, d_vv = d_mean + d_dev.real, d_dev.imag, d_mean - d_dev.real
+    right = [
+        (u * d_uu).sum(axis=0),
+        (v * d_uu + 2.0 * u * d_uv).sum(axis=0),
+        (2.0 * v * d_uv + u * d_vv).sum(axis=0),
+        (v * d_vv).sum(axis=0),
+    ]
+    p, q, r, s = _solve_tridiagonal(
+        [uu, 2.0 * uu + vv, uu + 2.0 * vv, vv], [uv, 2.0 * uv, uv], right
+    )
+    one = (0.75 * ((p + r) + 1j * (q + s)))[:, None] * frame.turn * frame.share
+    three = (
+        (0.25 * ((p - 3.0 * r) + 1j * (3.0 * q - s)))[:, None]
+        * (turn_twice * frame.turn)
+        * frame.share
+    )
+    return one, three
+
+
+def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray, rtsc: bool = False) -> float:
+    """rtsc's unit of length for line thresholds: 0.01 / (10th percentile of |k1| and |k2|), at most
+    0.05 of the bounding sphere's radius. `rtsc` : over the 500 vertices that its random numbers pick."""
+    if rtsc:
+        picked, state = [], 0
+        for _ in range(min(len(k1), 500)):
+            state = (1664525 * state + 1013904223) % 2**32
+            picked.append(state % len(k1))
+        k1, k2 = k1[picked], k2[picked]
+        low = float(np.sort(np.abs(np.r_[k1, k2]))[2 * len(picked) // 10])
+    else:
+        low = float(np.percentile(np.abs(np.r_[k1, k2]), 10.0))
+    largest = 0.05 * bounding_radius(vertices)
+    return min(0.01 / low, largest) if low > 0.01 / largest else largest
+
+
+def bounding_radius(points: np.ndarray) -> float:
+    """Radius of the smallest sphere around points (N, 3), to 1e-6.
+
+    Grows a set of at most four support points by the point farthest outside their smallest sphere.
+    """
+    support = np.unique(points[[points[:, 0].argmin(), points[:, 0].argmax()]], axis=0)
+    for _ in range(100):
+        centre, radius, support = _smallest_sphere(support)
+        distance = np.linalg.norm(points - centre, axis=1)
+        far = int(distance.argmax())
+        if distance[far] <= radius * (1.0 + 1e-6) + 1e-12:
+            break
+        support = np.vstack([support, points[far]])
+    return float(distance[far])
+
+
+def _smallest_sphere(points: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Smallest sphere around at most five points, by trying every set that could carry it."""
+    best = None
+    for size in range(1, min(len(points), 4) + 1):
+        for chosen in combinations(range(len(points)), size):
+            carrier = points[list(chosen)]
+            rel = carrier[1:] - carrier[0]
+            offset = (
+                np.linalg.lstsq(2.0 * rel, row_dot(rel, rel), rcond=None)[0]
+                if len(rel)
+                else np.zeros(3)
+            )
+            centre = carrier[0] + offset
+            radius = np.linalg.norm(points - centre, axis=1).max()
+            if best is None or radius < best[1] * (1.0 - 1e-9):
+                best = centre, radius, carrier
+    return best
+
+
+def _blur(edges: Edges, count: int, smooth: float):
+    """A function that smooths per-vertex values (V, k) by `smooth` mean edges; None where there is nothing to do.
+
+    Repeated half-way averaging with the edge neighbours: each step adds a quarter of a squared edge of variance.
+    """
+    if smooth <= 0.0:
+        return None
+    low, high = edges.ends.T
+    rows, columns = np.r_[low, high], np.r_[high, low]
+    steps = int(np.ceil(4.0 * smooth**2))
+    part = 0.5 * (
+        4.0 * smooth**2 / steps
+    )  # a little less than half, so that whole steps end where they should
+    weight = part / np.bincount(rows, minlength=count)[rows]
+    everyone = np.arange(count)
+    step = csr_matrix(
+        (
+            np.r_[weight, np.full(count, 1.0 - part)],
+            (np.r_[rows, everyone], np.r_[columns, everyone]),
+        ),
+        shape=(count, count),
+    )
+
+    if steps < MANY_STEPS:
+        order = everyone
+    else:  # neighbours near each other in memory: twice as fast where the file strews them
+        order = reverse_cuthill_mckee(step, symmetric_mode=True)
+        step = step[order][:, order]
+
+    def blur(values):
+        values = values[order]
+        for _ in range(steps):
+            values = step @ values
+        out = np.empty_like(values)
+        out[order] = values
+        return out
+
+    return blur
+
+
+def _blur_tensor(blur, mean, deviator, x, y):
+    """Smooth the curvature tensor in world coordinates, where neighbours' frames agree, and read it back in (x, y)."""
+    row, column = np.triu_indices(3)  # of the six entries of a symmetric tensor
+    entry = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+    a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real
+    tensor = a[:, None] * x[:, row] * x[:, column] + c[:, None] * y[:, row] * y[:, column]
+    tensor = blur(tensor + b[:, None] * (x[:, row] * y[:, column] + y[:, row] * x[:, column]))[
+        :, entry
+    ]
+    a, b, c = (np.einsum("vi,vij,vj->v", p, tensor, q) for p, q in ((x, x), (x, y), (y, y)))
+    return 0.5 * (a + c), 0.5 * (a - c) + 1j * b

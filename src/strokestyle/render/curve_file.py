@@ -1,0 +1,51 @@
+"""Curves that another program drew, laid on the canvas: the .json of `strokestyle extract`, or any .svg or .svgz."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .. import files as limits
+from ..extract.view_file import read_curves_json
+from ..files import limited
+from ..geometry.curves import Curves
+from ..svg.read_curves import read_curves_svg
+
+
+def load_curves(path: str | Path, size: tuple[int, int], tolerance: float = 0.1) -> Curves:
+    """Curves of a .json or .svg file on a canvas of `size` (width, height) pixels.
+
+    The file's page is scaled to the canvas without distortion, and centred where their proportions differ. Curves are
+    neither resampled nor clipped. Curves without two distinct points are left out, and so is an SVG's paper: a closed
+    shape that runs along the page's edge. A curve is closed where its last point is its first.
+
+    A .json file has "curves" [[[x, y], ...], ...] and perhaps "kinds" [name, ...], "closed" [true, ...] and "size"
+    [width, height]; without a size its coordinates are the canvas's pixels. In an .svg file every subpath of path,
+    line, polyline, polygon, rect, circle and ellipse is a curve, of the kind that its own or its nearest ancestor's
+    label, id or class names; of one of our own strokes it is the centre line. Definitions and hidden elements are
+    skipped, and so are our own layers of hidden lines; `use` is not followed.
+
+    Parameters
+    ----------
+    size : (width, height) of the canvas, pixels
+    tolerance : pixels of the canvas between a curve and its chords
+
+    Raises
+    ------
+    ValueError
+        on a file that is neither, is damaged, too large or unsafe, or has no usable curve.
+    OSError
+        where the file cannot be read.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".json", ".svg", ".svgz"):
+        found = f"not from {suffix}" if suffix else "and this name has no such ending"
+        raise ValueError(f"{path}: curves are read from a .json or .svg file, {found}")
+    with open(path, "rb") as file:
+        data = file.read(limits.MAX_BYTES + 1)
+    try:
+        if suffix == ".json":
+            return read_curves_json(limited(data), size)
+        return read_curves_svg(limited(data), size, tolerance)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

@@ -1,0 +1,182 @@
+"""The file format: options, names, units, licences, namespaces, and the data attributes that make a stroke readable."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, fields
+from urllib.parse import quote, unquote
+
+FORMAT = 3
+MM_PER_PX = 25.4 / 96.0  # CSS pixels
+TEXTURES = ("auto", "vector", "image", "none")
+MOST_TONES = 8
+LAYERS = ("kind", "part", "none")
+PAPERS = {  # mm, upright
+    "A0": (841, 1189), "A1": (594, 841), "A2": (420, 594), "A3": (297, 420), "A4": (210, 297), "A5": (148, 210),
+    "A6": (105, 148), "LETTER": (215.9, 279.4), "LEGAL": (215.9, 355.6), "TABLOID": (279.4, 431.8),
+}  # fmt: skip
+
+UNITS = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "px": MM_PER_PX}
+LICENSES = {
+    "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",
+    **{
+        f"CC-{terms.upper()}-4.0": f"https://creativecommons.org/licenses/{terms}/4.0/"
+        for terms in ("by", "by-sa", "by-nd", "by-nc", "by-nc-sa", "by-nc-nd")
+    },
+}
+
+NAMESPACES = {
+    "xmlns": "http://www.w3.org/2000/svg",
+    "xmlns:xlink": "http://www.w3.org/1999/xlink",
+    "xmlns:inkscape": "http://www.inkscape.org/namespaces/inkscape",
+}
+
+RDF = {
+    "xmlns:rdf": "http://www.w3.org/1999/02/22-rdf-syntax-ns#",
+    "xmlns:cc": "http://creativecommons.org/ns#",
+    "xmlns:dc": "http://purl.org/dc/elements/1.1/",
+}
+
+
+@dataclass(frozen=True)
+class SvgOptions:
+    """How a drawing is written as SVG.
+
+    Parameters
+    ----------
+    texture : "none": a filled outline per stroke in its flat ink. "vector": the texture in a few tones, as paths.
+        "image": a raster of each stroke. "auto": vector for grain in one ink, image for soft or coloured texture, else
+        none.
+    tones : how many, 1 to 8, of "vector"
+    texture_res : pixels of those rasters per pixel of the drawing
+    decimals : of every coordinate
+    tolerance : pixels between an outline and the exact one
+    layers : "kind", one group (an Inkscape layer) per line kind, and in it one for each named part of the shape;
+        "part", one per part, and in it one for each kind; "none", the strokes lie in the root, in painting order
+    title, description, author : words about the drawing
+    license : the name of a Creative Commons licence (LICENSES), a URL, or other words
+    background : "#rrggbb" or a CSS colour's name for a rectangle behind everything; None leaves the page clear
+    page_size : a name of PAPERS, turned as the canvas lies, or "WxHmm" (cm, in, pt, px); the canvas is fitted into it
+        and centred. None: the canvas, at 96 pixels an inch
+    inkscape_lpe : flat strokes are PowerStrokes besides: other programs show our outline, Inkscape edits the widths
+    plotter : centre lines only, in mm; nothing can be read back from such a file
+
+    Raises
+    ------
+    ValueError
+        on a name that is not known, or a number that makes no picture.
+    """
+
+    texture: str = "auto"
+    tones: int = 3
+    texture_res: float = 1.75
+    decimals: int = 2
+    tolerance: float = 0.1
+    layers: str = "kind"
+    title: str = ""
+    description: str = ""
+    author: str = ""
+    license: str = ""
+    background: str | None = None
+    page_size: str | None = None
+    inkscape_lpe: bool = False
+    plotter: bool = False
+
+    def __post_init__(self):
+        if self.texture not in TEXTURES:
+            raise ValueError(f"texture must be one of {', '.join(TEXTURES)}, got {self.texture!r}")
+        if not 1 <= self.tones <= MOST_TONES:
+            raise ValueError(f"tones must lie between 1 and {MOST_TONES}, got {self.tones}")
+        if not 0.1 <= self.texture_res <= 16:
+            raise ValueError(
+                f"the texture's resolution must lie between 0.1 and 16 px per px, got {self.texture_res}"
+            )
+        if not 0 <= self.decimals <= 6:
+            raise ValueError(f"decimals must lie between 0 and 6, got {self.decimals}")
+        if not 0 < self.tolerance <= 100:
+            raise ValueError(
+                f"the tolerance of an outline must lie above 0 and below 100 px, got {self.tolerance}"
+            )
+        if self.layers not in LAYERS:
+            raise ValueError(f"layers must be one of {', '.join(LAYERS)}, got {self.layers!r}")
+        if self.background is not None:
+            check_color(self.background)
+        if self.inkscape_lpe and self.texture not in ("none", "auto"):
+            raise ValueError("PowerStrokes are flat: write them with texture none")
+        page_size_mm(self.page_size, (1, 1))
+
+    def to_text(self) -> str:
+        """What no element tells, as `data-ss-options`."""
+        return " ".join(
+            f"{name}={quote(str(getattr(self, name)), safe='#')}"
+            for name in WRITTEN
+            if self._given(name)
+        )
+
+    def _given(self, name: str) -> bool:
+        return getattr(self, name) != DEFAULTS[name] or name == "texture"
+
+    @classmethod
+    def from_text(cls, text: str, **known) -> SvgOptions:
+        """The options that `to_text` wrote; names and values that this version does not know are left out."""
+        types = {
+            "texture_res": float,
+            "tolerance": float,
+            "decimals": int,
+            "tones": int,
+            "inkscape_lpe": _flag,
+            "plotter": _flag,
+        }
+        for name, _, value in (part.partition("=") for part in text[:4000].split()):
+            if name in WRITTEN:
+                try:
+                    cls(**{name: types.get(name, str)(unquote(value))})
+                except ValueError:
+                    continue
+                known[name] = types.get(name, str)(unquote(value))
+        return cls(**known)
+
+
+def _flag(text: str) -> bool:
+    return text == "True"
+
+
+ELSEWHERE = ("title", "description", "author", "license")  # told by elements of their own
+WRITTEN = tuple(field.name for field in fields(SvgOptions) if field.name not in ELSEWHERE)
+DEFAULTS = {field.name: field.default for field in fields(SvgOptions)}
+
+
+def check_color(text: str) -> None:
+    """Raise ValueError unless `text` is #rgb, #rrggbb or a word, as the names of CSS colours are."""
+    if not re.fullmatch(r"#[0-9a-fA-F]{3}|#[0-9a-fA-F]{6}|[a-zA-Z]{1,30}", text):
+        raise ValueError(f"a colour is #rrggbb or a name such as ivory, got {text!r}")
+
+
+def page_size_mm(name: str | None, size: tuple[int, int]) -> tuple[float, float] | None:
+    """A page size as (width, height) in mm, for a canvas of `size`; None stays None. Raises ValueError."""
+    if name is None:
+        return None
+    if name.upper() in PAPERS:
+        short, long = PAPERS[name.upper()]
+        return (long, short) if size[0] > size[1] else (short, long)
+    match = re.fullmatch(
+        r"([0-9]+\.?[0-9]*)x([0-9]+\.?[0-9]*)(mm|cm|in|pt|px)", name.strip().lower()
+    )
+    page = (
+        tuple(float(value) * UNITS[match[3]] for value in match.groups()[:2])
+        if match
+        else (0.0, 0.0)
+    )
+    if not all(1.0 <= side <= 100_000 for side in page):
+        names = ", ".join(key.title() for key in PAPERS)
+        raise ValueError(f"a page size is one of {names}, or for instance 210x297mm; got {name!r}")
+    return page
+
+
+ID_PLACEHOLDER = "*id*"  # stands for a stroke's id where its markup is kept
+
+
+def markup_options(options: SvgOptions) -> tuple:
+    """The options on which the markup of a stroke depends."""
+    o = options
+    return o.texture, o.tones, o.texture_res, o.tolerance, o.decimals, o.inkscape_lpe

@@ -1,0 +1,98 @@
+"""Colours of an image: one ink or a few, quantised."""
+
+from __future__ import annotations
+
+import numpy as np
+
+FEW, MANY = (
+    10,
+    32,
+)  # levels of opacity of one ink: grain hides coarse steps and costs many bytes, soft tone shows them
+COLORS = 128  # of a drawing in more than one ink; a stroke holds those that it uses
+MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
+CELLS = 24  # a channel, of the table from colours to their place in a palette
+
+
+def ink_palette(ink: np.ndarray, count: int) -> np.ndarray:
+    """One ink (3,) in [0, 1] at `count` opacities from none to full, (count, 4) straight."""
+    return np.concatenate(
+        [np.tile(ink, (count, 1)), np.arange(count)[:, None] / (count - 1)], axis=1
+    )
+
+
+class Quantiser:
+    """At most `count` colours for many: premultiplied RGBA in [0, 1], the first of them clear.
+
+    Parameters
+    ----------
+    color : (M, 4) float, a sample of what is to be shown
+    """
+
+    def __init__(self, color: np.ndarray, count: int = COLORS):
+        palette = quantise(color, count)[1]
+        self.centres = np.concatenate([palette[:, :3] * palette[:, 3:], palette[:, 3:]], axis=1)
+        self.table = np.full(CELLS**4, -1, np.int16)
+
+    @property
+    def palette(self) -> np.ndarray:
+        """(K, 4) straight."""
+        alpha = self.centres[:, 3:]
+        return np.concatenate([self.centres[:, :3] / np.maximum(alpha, 1e-6), alpha], axis=1)
+
+    def index(self, color: np.ndarray) -> np.ndarray:
+        """The place in the palette (M,) uint8 of the colour nearest to each (M, 4)."""
+        cell = np.rint(color * (CELLS - 1)).astype(np.int64) @ CELLS ** np.arange(3, -1, -1)
+        unknown = np.unique(cell[self.table[cell] < 0])
+        if len(unknown):
+            value = np.stack(np.unravel_index(unknown, (CELLS,) * 4), axis=1) / (CELLS - 1)
+            self.table[unknown] = nearest(value, self.centres)
+        return self.table[cell].astype(np.uint8)
+
+
+def used(index: np.ndarray, palette: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """An image of places in a palette and that palette, without the colours that it does not use."""
+    kept, compact = np.zeros(len(palette), bool), np.zeros(len(palette), np.uint8)
+    kept[np.unique(index)] = True
+    compact[kept] = np.arange(kept.sum())
+    return compact[index], palette[kept]
+
+
+def quantise(flat, count):
+    """At most `count` straight RGBA colours for premultiplied pixels (M, 4), and each pixel's: weighted k-means."""
+    grid = np.rint(flat * 63).astype(np.int64)
+    code = ((grid[:, 0] * 64 + grid[:, 1]) * 64 + grid[:, 2]) * 64 + grid[:, 3]
+    cell, where, weight = np.unique(code, return_inverse=True, return_counts=True)
+    where = where.ravel()
+    sums = np.stack([np.bincount(where, flat[:, k]) for k in range(4)], axis=1)
+    colors = sums / weight[:, None]
+    clear = colors[:, 3] < 1 / 255
+    weight = np.where(clear, 0, weight).astype(np.float64)
+    if not weight.any():  # a breath of ink, less than a level of alpha everywhere
+        return np.zeros(len(flat), np.uint8), np.zeros((1, 4))
+    # the first centres: evenly spread over the cells, along the axis on which they differ most
+    mean = (weight[:, None] * colors).sum(axis=0) / weight.sum()
+    spread = (colors - mean) * np.sqrt(weight)[:, None]
+    axis = np.linalg.eigh(spread.T @ spread)[1][:, -1]
+    order = np.argsort(colors @ axis, kind="stable")
+    heap = np.cumsum(np.sqrt(weight[order]))
+    first = np.searchsorted(heap, (np.arange(count - 1) + 0.5) / (count - 1) * heap[-1])
+    centres = np.concatenate(
+        [np.zeros((1, 4)), np.unique(colors[order[np.minimum(first, len(order) - 1)]], axis=0)]
+    )
+    for _ in range(6):
+        near = nearest(colors, centres)
+        total = np.bincount(near, weight, len(centres))
+        moved = np.stack(
+            [np.bincount(near, weight * colors[:, k], len(centres)) for k in range(4)], axis=1
+        )
+        centres = np.where(total[:, None] > 0, moved / np.maximum(total, 1e-9)[:, None], centres)
+    near = nearest(colors, centres)
+    straight = np.concatenate(
+        [centres[:, :3] / np.maximum(centres[:, 3:], 1e-6), centres[:, 3:]], axis=1
+    )
+    return near[where].astype(np.uint8), straight
+
+
+def nearest(colors: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """The centre (K, d) nearest to each colour (M, d), (M,): least of |c|^2 - 2 x.c, which one matrix product gives."""
+    return (np.square(centres).sum(axis=1) - 2.0 * colors @ centres.T).argmin(axis=1)

@@ -1,0 +1,120 @@
+"""A stroke's strip as a PNG in a file, and back."""
+
+from __future__ import annotations
+
+import functools
+import zlib
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from ..drawing.strip import texel_places
+from ..drawing.strokes import Drawing
+from .palette import quantise
+from .png import png, read_png
+
+ONE_INK = (
+    1.5 / 255
+)  # rms; colours nearer than this to the stroke's ink need no palette: the PNG is its opacity
+SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
+LEVELS, FEW, COLORS = 16, 6, 16  # what 4 bits a texel hold; few levels are half the text
+MAX_TEXELS = 2_000_000  # of a strip
+WAYS = {0: zlib.Z_DEFAULT_STRATEGY, 2: zlib.Z_DEFAULT_STRATEGY}  # of packing its PNG
+
+
+def strips_png(drawing: Drawing, index=None, levels: int = LEVELS) -> list[bytes]:
+    """The strips of all strokes, or of those of `index`, as PNG.
+
+    x runs along the stroke, one texel a px; grey is opacity in the stroke's ink, in so many `levels`.
+    """
+    texture, made = drawing.texture, []
+    for i in range(len(drawing.strokes)) if index is None else np.asarray(index).tolist():
+        rows, columns = _size(drawing, i)
+        strip = texture.rgba[texture.offsets[i] : texture.offsets[i + 1]].astype(np.float64) / 255.0
+        alpha = strip[..., 3]
+        stray = np.square((strip[..., :3] - drawing.color[i, :3]) * alpha[..., None]).sum()
+        if stray <= 3 * ONE_INK**2 * max(np.square(alpha).sum(), 1e-9):
+            level = np.rint(np.clip(_smaller(alpha, rows, columns), 0, 1) * (levels - 1)) / (
+                levels - 1
+            )
+            made.append(png(np.rint(15 * level).astype(np.uint8).T, None, 4, WAYS))
+        else:
+            strip[..., :3] *= alpha[..., None]
+            small = np.stack([_smaller(strip[..., k], rows, columns) for k in range(4)], axis=-1)
+            small = np.clip(small, 0, 1)
+            small[..., :3] = np.minimum(small[..., :3], small[..., 3:])
+            place, palette = quantise(small.reshape(-1, 4), COLORS - 1)
+            palette = np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)
+            made.append(png(place.reshape(rows, columns).T, palette, 4, WAYS))
+    return made
+
+
+def read_strip(data: bytes, ink: np.ndarray, most: int = MAX_TEXELS) -> np.ndarray:
+    """A strip (n, A, 4) uint8 from its PNG; `ink` (3,) in [0, 1] is the colour of a grey one.
+
+    Raises ValueError on what is no PNG, is damaged, or has more than `most` texels.
+    """
+    image = read_png(data, most, "texture")
+    if image.mode in ("1", "L") and "transparency" not in image.info:
+        alpha = np.asarray(image.convert("L"))
+        rgb = np.rint(np.asarray(ink) * 255).astype(np.uint8)
+        pixels = np.concatenate([np.broadcast_to(rgb, (*alpha.shape, 3)), alpha[..., None]], axis=2)
+    else:
+        pixels = np.asarray(image.convert("RGBA"))
+    return np.ascontiguousarray(pixels.swapaxes(0, 1))
+
+
+def _size(drawing: Drawing, i: int) -> tuple[int, int]:
+    """(rows, columns) of the strip to keep: one texel a px, or as it is where it is not much finer."""
+    strokes, texture = drawing.strokes, drawing.texture
+    part = slice(strokes.offsets[i], strokes.offsets[i + 1])
+    half = 0.5 * strokes.thickness[part] + texture.margin[i]
+    length = np.hypot(*np.diff(strokes.xy[part], axis=0).T).sum()
+    if not strokes.closed[i]:
+        length += half[0] + half[-1]
+    rows, columns = int(texture.offsets[i + 1] - texture.offsets[i]), texture.rgba.shape[1]
+    return _fewer(rows, length), _fewer(columns, 2.0 * half.max())
+
+
+def _fewer(texels: int, length: float) -> int:
+    return max(2, int(np.ceil(length))) if texels > SPARE * length + 1 else texels
+
+
+def _smaller(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """The (rows, columns) texels whose bilinear enlargement is nearest to `values` (n, A), by least squares."""
+    n, a = values.shape
+    if columns < a:
+        values = values @ _squeeze(a, columns)
+    if rows < n:
+        low, fraction = texel_places(n, rows)
+        band = np.zeros((2, rows))  # the normal equations of linear interpolation are tridiagonal
+        band[1] = (
+            np.bincount(low, (1 - fraction) ** 2, rows)
+            + np.bincount(low + 1, fraction**2, rows)
+            + 1e-6
+        )
+        band[0, 1:] = np.bincount(low, fraction * (1 - fraction), rows)[:-1]
+        weighted = np.stack([(1 - fraction)[:, None] * values, fraction[:, None] * values], axis=1)
+        right = np.zeros((rows, values.shape[1]))
+        np.add.at(right, low, weighted[:, 0])
+        np.add.at(right, low + 1, weighted[:, 1])
+        values = solveh_banded(band, right)
+    return values
+
+
+@functools.lru_cache(maxsize=256)
+def _stretch(fine: int, coarse: int) -> np.ndarray:
+    """Linear interpolation from `coarse` texels to `fine` ones, (fine, coarse)."""
+    if coarse == 1:
+        return np.ones((fine, 1))
+    low, fraction = texel_places(fine, coarse)
+    matrix = np.zeros((fine, coarse))
+    matrix[np.arange(fine), low] = 1 - fraction
+    matrix[np.arange(fine), low + 1] += fraction
+    return matrix
+
+
+@functools.lru_cache(maxsize=256)
+def _squeeze(fine: int, coarse: int) -> np.ndarray:
+    """The least-squares inverse of `_stretch`, (fine, coarse), to be applied from the right."""
+    return np.linalg.pinv(_stretch(fine, coarse)).T
