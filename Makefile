@@ -9,7 +9,7 @@ READY := $(VENV)/.ready
 help:
 	@echo "make demo    learn two styles from examples/drawings and draw other shapes with them, into out/demo"
 	@echo "make test    run the tests"
-	@echo "make lint    check the code's style"
+	@echo "make lint    check the code's style and types"
 	@echo "make bench   print the tables that the README's numbers come from"
 	@echo "make clean   remove what the others made, the environment included"
 
@@ -28,9 +28,11 @@ test: $(READY)
 
 lint: $(READY)
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 
 bench: $(READY)
 	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 clean:
-	rm -rf $(VENV) out build dist .pytest_cache .ruff_cache
+	rm -rf $(VENV) out build dist .pytest_cache .ruff_cache .mypy_cache
