@@ -51,7 +51,7 @@ _PUBLIC = {
     "save_style": "render.style_file",
     "save_svg": "svg.write",
     "save_view": "extract.view_file",
-    "simplified": "drawing.edit",
+    "simplify": "drawing.edit",
     "smooth": "drawing.edit",
     "taper": "drawing.edit",
     "thicken": "drawing.edit",

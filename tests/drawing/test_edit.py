@@ -52,7 +52,7 @@ EDITS = [
     lambda d, only: edits.thicken(d, 1.7, only),
     lambda d, only: edits.wiggle(d, 3, 20, 0, only),
     lambda d, only: edits.smooth(d, 5, only),
-    lambda d, only: edits.simplified(d, 2, only),
+    lambda d, only: edits.simplify(d, 2, only),
     lambda d, only: edits.taper(d, 15, only),
     lambda d, only: edits.recolor(d, (1, 0, 0), only),
 ]
@@ -102,10 +102,30 @@ def test_strokes_that_are_not_meant_are_written_as_they_were(encoding, texture):
 def test_nothing_is_an_edit_that_changes_nothing():
     drawing = small("grain")
     for same in (
-        edits.thicken(drawing, 1), edits.wiggle(drawing, 0, 9), edits.smooth(drawing, 0), edits.simplified(drawing, 0),
+        edits.thicken(drawing, 1), edits.wiggle(drawing, 0, 9), edits.smooth(drawing, 0), edits.simplify(drawing, 0),
         edits.taper(drawing, 0), edits.move(drawing, 0, 0.5, (0, 0)),
     ):  # fmt: skip
         assert same is drawing
+
+
+@pytest.mark.parametrize(
+    "edit, found",
+    [
+        (lambda d: edits.thicken(d, -1), "factor must lie between 0 and 1000, got -1"),
+        (lambda d: edits.wiggle(d, -1, 9), "amplitude must lie between 0 and 10000, got -1"),
+        (lambda d: edits.wiggle(d, 1, 0), "wavelength must lie between 0.5 and 100000, got 0"),
+        (lambda d: edits.smooth(d, np.nan), "sigma must lie between 0 and 10000, got nan"),
+        (lambda d: edits.simplify(d, -2), "tolerance must lie between 0 and 10000, got -2"),
+        (lambda d: edits.taper(d, -3), "length must lie between 0 and 100000, got -3"),
+        (lambda d: edits.move(d, 5, 0.5, (1, 0)), "there is no stroke 5; the drawing has 5"),
+        (lambda d: edits.move(d, 0, 2, (1, 0)), "point must lie between 0 and 1, got 2"),
+        (lambda d: edits.move(d, 0, 0, (1, np.inf)), "by must lie between"),
+    ],
+)
+def test_a_bad_number_is_refused_by_the_name_of_its_argument(edit, found):
+    with pytest.raises(ValueError) as error:
+        edit(small(None))
+    assert str(error.value).startswith(found) and "--" not in str(error.value)
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.5, 3.0])
@@ -167,10 +187,10 @@ def test_smoothing_takes_wiggles_out_and_keeps_the_ends():
 
 def test_simplified_lines_stay_near_and_smooth():
     drawing = edits.wiggle(straight(length=400.0), 1.0, 25.0)
-    simple = edits.simplified(drawing, 3.0)
+    simple = edits.simplify(drawing, 3.0)
     assert np.abs(points(simple, 0)[:, 1] - 40).max() < 3.0
     corner = Strokes([[10, 10], [50, 10], [50, 50]], [3, 3, 3], [0, 3], [0], [False])
-    kept = edits.simplified(Drawing(corner, (60, 60), np.array([[0, 0, 0, 1.0]])), 1.0)
+    kept = edits.simplify(Drawing(corner, (60, 60), np.array([[0, 0, 0, 1.0]])), 1.0)
     assert np.abs(kept.strokes.xy - [50, 10]).sum(axis=1).min() < 1e-9  # corners stay corners
     assert (
         np.minimum(np.abs(kept.strokes.xy[:, 1] - 10), np.abs(kept.strokes.xy[:, 0] - 50)).max()

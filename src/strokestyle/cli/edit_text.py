@@ -13,7 +13,7 @@ from ..drawing.edit import (
     keep,
     move,
     recolor,
-    simplified,
+    simplify,
     smooth,
     taper,
     thicken,
@@ -61,7 +61,7 @@ def parse_edit(name: str, text: str) -> Edit:
         "thickness": lambda drawing, only, seed: thicken(drawing, *numbers, only),
         "wiggle": lambda drawing, only, seed: wiggle(drawing, *numbers, seed, only),
         "smooth": lambda drawing, only, seed: smooth(drawing, *numbers, only),
-        "simplify": lambda drawing, only, seed: simplified(drawing, *numbers, only),
+        "simplify": lambda drawing, only, seed: simplify(drawing, *numbers, only),
         "taper": lambda drawing, only, seed: taper(drawing, *numbers, only),
     }[name]
     nothing = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), (1, 1), np.zeros((0, 4)))

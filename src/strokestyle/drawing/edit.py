@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.curves import arc_length, blurred, counting, simplify, take_ragged, tangents
+from ..geometry.curves import arc_length, blurred, counting, take_ragged, tangents
+from ..geometry.curves import simplify as kept_points
 from ..geometry.parts import Pieces
 from .strip import carried_strip, strip_columns, strip_of_piece, wider
 from .strokes import Drawing, Strokes, Texture
@@ -37,7 +38,7 @@ class Reshaped:
 
 def thicken(drawing: Drawing, factor: float, only: np.ndarray | None = None) -> Drawing:
     """Every thickness multiplied by `factor`."""
-    check_range("--thickness", factor, 0.0, 1000.0)
+    check_range("factor", factor, 0.0, 1000.0)
     if factor == 1.0:
         return drawing
     return _reshape(
@@ -60,8 +61,8 @@ def wiggle(
     wavelength : px of arc length from crest to crest, on average
     seed : the same seed and order of strokes give the same noise
     """
-    check_range("the amplitude of --wiggle", amplitude, 0.0, 1e4)
-    check_range("the wavelength of --wiggle", wavelength, 0.5, 1e5)
+    check_range("amplitude", amplitude, 0.0, 1e4)
+    check_range("wavelength", wavelength, 0.5, 1e5)
     if amplitude == 0.0:
         return drawing
 
@@ -85,7 +86,7 @@ def wiggle(
 
 def smooth(drawing: Drawing, sigma: float, only: np.ndarray | None = None) -> Drawing:
     """Lines smoothed by a Gaussian of `sigma` px along them; the ends of an open stroke stay where they are."""
-    check_range("--smooth", sigma, 0.0, 1e4)
+    check_range("sigma", sigma, 0.0, 1e4)
     if sigma == 0.0:
         return drawing
 
@@ -99,18 +100,18 @@ def smooth(drawing: Drawing, sigma: float, only: np.ndarray | None = None) -> Dr
     return _reshape(drawing, edit, only)
 
 
-def simplified(drawing: Drawing, tolerance: float, only: np.ndarray | None = None) -> Drawing:
+def simplify(drawing: Drawing, tolerance: float, only: np.ndarray | None = None) -> Drawing:
     """Lines drawn through as few of their points as keep them within `tolerance` px, curved between these.
 
     They pass through the points of Ramer-Douglas-Peucker as a centripetal Catmull-Rom spline, with corners where the
     line turns by more than SHARP.
     """
-    check_range("--simplify", tolerance, 0.0, 1e4)
+    check_range("tolerance", tolerance, 0.0, 1e4)
     if tolerance == 0.0:
         return drawing
 
     def edit(line):
-        keep = simplify(line.xy, tolerance)
+        keep = kept_points(line.xy, tolerance)
         if line.closed and len(keep) < 4:  # a ring keeps its inside
             keep = np.unique(np.r_[0, len(line.xy) // 3, 2 * len(line.xy) // 3, len(line.xy) - 1])
         curve, place = _through(line.xy[keep], line.closed)
@@ -140,12 +141,10 @@ def move(
         where there is no such stroke or point.
     """
     if not 0 <= stroke < len(drawing.strokes):
-        raise ValueError(
-            f"--move: there is no stroke {stroke}; the drawing has {len(drawing.strokes)}"
-        )
-    check_range("the point of --move", point, 0.0, 1.0)
+        raise ValueError(f"there is no stroke {stroke}; the drawing has {len(drawing.strokes)}")
+    check_range("point", point, 0.0, 1.0)
     for value in by:
-        check_range("the way of --move", value, -1e6, 1e6)
+        check_range("by", value, -1e6, 1e6)
     if tuple(by) == (0.0, 0.0):
         return drawing
 
@@ -165,7 +164,7 @@ def move(
 
 def taper(drawing: Drawing, length: float, only: np.ndarray | None = None) -> Drawing:
     """Open strokes brought to a point over `length` px from either end, or half the stroke where it is shorter."""
-    check_range("--taper", length, 0.0, 1e5)
+    check_range("length", length, 0.0, 1e5)
     if length == 0.0:
         return drawing
 

@@ -17,7 +17,7 @@ def pick_device(name: str) -> torch.device:
     if name not in ("cpu", "cuda"):
         raise ValueError(f"device must be auto, cpu or cuda, got {name!r}")
     if name == "cuda" and not torch.cuda.is_available():
-        raise ValueError("device cuda: torch finds no CUDA device here; use --device cpu")
+        raise ValueError("device cuda: torch finds no CUDA device here; choose cpu")
     return torch.device(name)
 
 
