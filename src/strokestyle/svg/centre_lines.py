@@ -13,7 +13,9 @@ from .markup import element, hex_color, number, numbers, units
 
 PEN = 0.3  # mm, how thick a plotter's lines are shown
 LINE_SLACK = 0.1  # px between a centre line and its curves
-WIDTH_SLACK = 0.1  # px between a width and PowerStroke's, which interpolates between few of them
+POWER_STROKE_SLACK = (
+    0.1  # px between a width and PowerStroke's, which interpolates between few of them
+)
 EFFECT = "lpe-"  # and the stroke's id: the id of its path effect
 
 
@@ -61,7 +63,7 @@ def power_strokes(drawing: Drawing, options: SvgOptions, index: list[int]) -> li
         along = arc_length(strokes.xy[part], np.array([0, len(strokes.xy[part])]))
         half = 0.5 * strokes.thickness[part]
         knots = (
-            simplify(np.stack([along, half], axis=1), 0.5 * WIDTH_SLACK)
+            simplify(np.stack([along, half], axis=1), 0.5 * POWER_STROKE_SLACK)
             if along[-1] > 0
             else np.array([0])
         )

@@ -9,7 +9,7 @@ from itertools import groupby
 from urllib.parse import quote
 
 from .. import __version__
-from .format import FORMAT, LICENSES, MM_PER_PX, NAMESPACES, RDF, SvgOptions, page_size_mm
+from .format import FORMAT, LICENSES, MM_PER_PX, NAMESPACES, RDF, Data, SvgOptions, page_size_mm
 from .markup import element, number, words
 
 
@@ -48,8 +48,8 @@ def document(
         "width": number(page[0], 4) + "mm",
         "height": number(page[1], 4) + "mm",
         "viewBox": box,
-        "data-ss-format": str(FORMAT),
-        "data-ss-generator": f"strokestyle {__version__}",
+        Data.FORMAT: str(FORMAT),
+        Data.GENERATOR: f"strokestyle {__version__}",
     }
     if ours and options.texture == "image":
         root["style"] = (
@@ -57,12 +57,12 @@ def document(
         )
     if ours:
         root |= {
-            "data-ss-size": f"{width} {height}",
-            "data-ss-page": box,
-            "data-ss-options": options.to_text(),
+            Data.SIZE: f"{width} {height}",
+            Data.PAGE: box,
+            Data.OPTIONS: options.to_text(),
         }
     if parts:
-        root["data-ss-parts"] = " ".join(quote(name, safe="") for name in parts)
+        root[Data.PARTS] = " ".join(quote(name, safe="") for name in parts)
     head = ""
     if options.title:
         head += element("title", {}, words(options.title))
@@ -124,7 +124,7 @@ def layered(
             elif layers == "part":
                 inside.append(_layer(name, kind, kind, {}, markup))
             else:  # its label may hold the name of another kind
-                inside.append(_layer(name, "part", part, {"data-ss-class": kind}, markup))
+                inside.append(_layer(name, "part", part, {Data.CLASS: kind}, markup))
         part, kind = place
         name, of, label = f"part-{slugs[part]}", "part", part
         if not part:

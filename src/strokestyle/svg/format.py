@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 from urllib.parse import quote, unquote
 
 FORMAT = 3
 MM_PER_PX = 25.4 / 96.0  # CSS pixels
 TEXTURES = ("auto", "vector", "image", "none")
-MOST_TONES = 8
+MAX_TONES = 8
 LAYERS = ("kind", "part", "none")
 PAPERS = {  # mm, upright
     "A0": (841, 1189), "A1": (594, 841), "A2": (420, 594), "A3": (297, 420), "A4": (210, 297), "A5": (148, 210),
@@ -35,6 +36,97 @@ RDF = {
     "xmlns:rdf": "http://www.w3.org/1999/02/22-rdf-syntax-ns#",
     "xmlns:cc": "http://creativecommons.org/ns#",
     "xmlns:dc": "http://purl.org/dc/elements/1.1/",
+}
+
+
+class Data:
+    """Names of the attributes that say what a file of ours draws; docs/svg-format.md says what each means."""
+
+    # of the root
+    FORMAT = "data-ss-format"
+    GENERATOR = "data-ss-generator"
+    SIZE = "data-ss-size"
+    PAGE = "data-ss-page"
+    OPTIONS = "data-ss-options"
+    PARTS = "data-ss-parts"
+    # of a layer
+    HIDDEN = "data-ss-hidden"
+    # of a stroke; the kind also of a group of one kind
+    CLASS = "data-ss-class"
+    PART = "data-ss-part"
+    PATH = "data-ss-path"
+    WIDTH = "data-ss-width"
+    CLOSED = "data-ss-closed"
+    OPACITY = "data-ss-opacity"
+    MARGIN = "data-ss-margin"
+    AT = "data-ss-at"
+    SPINE = "data-ss-spine"
+    TEXTURE = "data-ss-texture"
+    STRIP = "data-ss-strip"
+
+
+ATTRIBUTES = {name: value for name, value in vars(Data).items() if name.isupper()}
+STROKE_CLASS, CURVE_CLASS, PART_CLASS = "stroke", "curve", "part"  # of elements and of layers
+PAPER_ID = "paper"  # of the rectangle behind everything
+
+# how a stroke is told
+PATH_SLACK = 0.06  # px a centre line may be off where its attribute leaves points out
+WIDTH_SLACK = 0.004  # px a width may be off where its attribute leaves points out
+SHARE_DECIMALS = 5  # of a place along a stroke, as a share of its length
+WIDTH_DECIMALS = 3
+LANDMARK_DECIMALS = 3
+MARGIN_DECIMALS = 4
+
+# how its texture is drawn
+TONE_UNIT = (
+    0.15  # px of path data; polygons have even numbers of it: the middles of sides are whole
+)
+IMAGE_LEVELS_GRAIN = 10  # of opacity in one ink: grain hides coarse steps and costs many bytes
+IMAGE_LEVELS_SOFT = 32  # soft tone shows them
+IMAGE_COLORS = 128  # of a drawing in more than one ink; a stroke holds those that it uses
+STRIP_LEVELS, STRIP_COLORS = 16, 16  # what 4 bits a texel hold
+STRIP_LEVELS_FEW = 6  # beside a few tones, which need no more: half the text
+
+FORMAT_CONSTANTS = {  # what a program that writes such files besides this one must know
+    "FORMAT": FORMAT,
+    "ATTRIBUTES": ATTRIBUTES,
+    "STROKE_CLASS": STROKE_CLASS,
+    "PAPER_ID": PAPER_ID,
+    "PATH_SLACK": PATH_SLACK,
+    "WIDTH_SLACK": WIDTH_SLACK,
+    "SHARE_DECIMALS": SHARE_DECIMALS,
+    "WIDTH_DECIMALS": WIDTH_DECIMALS,
+    "LANDMARK_DECIMALS": LANDMARK_DECIMALS,
+    "MARGIN_DECIMALS": MARGIN_DECIMALS,
+    "TONE_UNIT": TONE_UNIT,
+    "MAX_TONES": MAX_TONES,
+    "IMAGE_LEVELS_GRAIN": IMAGE_LEVELS_GRAIN,
+    "IMAGE_LEVELS_SOFT": IMAGE_LEVELS_SOFT,
+    "IMAGE_COLORS": IMAGE_COLORS,
+    "STRIP_LEVELS": STRIP_LEVELS,
+    "STRIP_COLORS": STRIP_COLORS,
+}
+
+
+class Limit(NamedTuple):
+    """The most that is read of something, and of what."""
+
+    value: int
+    what: str
+
+
+LIMITS = {  # of a file that is read as a drawing; those of any file are in files.py
+    "strokes": Limit(20_000, "strokes, and names of parts"),
+    "path_characters": Limit(1_000_000, "characters of a centre line, or of its widths"),
+    "parts_characters": Limit(1_000_000, "characters of the list of parts that are looked at"),
+    "place": Limit(1_000_000, "px from the canvas's origin, and of the canvas's sides"),
+    "texels": Limit(64_000_000, "texels of a drawing, all strips as wide as the widest"),
+    "texels_read": Limit(8_000_000, "texels of the strips that are read off what is drawn"),
+    "strip_texels": Limit(2_000_000, "texels of a strip that is told"),
+    "image_pixels": Limit(4_000_000, "pixels of an image"),
+    "pixels_read": Limit(40_000_000, "pixels of all images"),
+    "rings": Limit(20_000, "rings of a tone that are read the short way"),
+    "looks": Limit(200_000_000, "looks at a texel for a tone, and at a tone's edge at its height"),
 }
 
 
@@ -85,8 +177,8 @@ class SvgOptions:
     def __post_init__(self):
         if self.texture not in TEXTURES:
             raise ValueError(f"texture must be one of {', '.join(TEXTURES)}, got {self.texture!r}")
-        if not 1 <= self.tones <= MOST_TONES:
-            raise ValueError(f"tones must lie between 1 and {MOST_TONES}, got {self.tones}")
+        if not 1 <= self.tones <= MAX_TONES:
+            raise ValueError(f"tones must lie between 1 and {MAX_TONES}, got {self.tones}")
         if not 0.1 <= self.texture_res <= 16:
             raise ValueError(
                 f"the texture's resolution must lie between 0.1 and 16 px per px, got {self.texture_res}"

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..drawing.raster import textured_pixels
 from ..drawing.strokes import Drawing
+from .format import IMAGE_LEVELS_GRAIN, IMAGE_LEVELS_SOFT
 from .ink import GRAIN, inks
-from .palette import FEW, MANY, Quantiser, ink_palette, used
+from .palette import Quantiser, ink_palette, used
 from .png import encode_png
 
 SAMPLE = 40_000  # texels that a drawing's colours are chosen from
@@ -33,7 +34,8 @@ def stroke_images(
             yield None
             continue
         if ink.plain[i]:
-            levels, most = FEW if ink.grain[i] > GRAIN else MANY, float(color[:, 3].max())
+            levels = IMAGE_LEVELS_GRAIN if ink.grain[i] > GRAIN else IMAGE_LEVELS_SOFT
+            most = float(color[:, 3].max())
             palette = ink_palette(ink.color[i], levels) * [
                 1.0,
                 1.0,

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-FEW, MANY = (
-    10,
-    32,
-)  # levels of opacity of one ink: grain hides coarse steps and costs many bytes, soft tone shows them
-COLORS = 128  # of a drawing in more than one ink; a stroke holds those that it uses
+from .format import IMAGE_COLORS
+
 MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
 CELLS = 24  # a channel, of the table from colours to their place in a palette
 
@@ -28,7 +25,7 @@ class Quantiser:
     color : (M, 4) float, a sample of what is to be shown
     """
 
-    def __init__(self, color: np.ndarray, count: int = COLORS):
+    def __init__(self, color: np.ndarray, count: int = IMAGE_COLORS):
         palette = quantise(color, count)[1]
         self.centres = np.concatenate([palette[:, :3] * palette[:, 3:], palette[:, 3:]], axis=1)
         self.table = np.full(CELLS**4, -1, np.int16)

@@ -20,7 +20,7 @@ from ..geometry.bezier import flatten
 from ..geometry.curves import KINDS, arc, arc_length, kind_named
 from ..geometry.parts import Parts, part_name
 from .centre_lines import EFFECT
-from .format import FORMAT, ID_PLACEHOLDER, LICENSES, SvgOptions, markup_options
+from .format import FORMAT, ID_PLACEHOLDER, LICENSES, LIMITS, Data, SvgOptions, markup_options
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
 from .path_data import page_length, parse_numbers, parse_path, parse_transform
 from .read_texture import (
@@ -33,15 +33,14 @@ from .read_texture import (
     image_box,
     rgb,
 )
-from .strip_image import MAX_TEXELS as STRIP_TEXELS
 from .strip_image import read_strip
 from .xml import INKSCAPE_NAMESPACE, SVG_NAMESPACE, SaxReader, css_property
 
-MAX_STROKES = 20_000
-MAX_TEXELS = 64_000_000  # of a drawing, all strips as wide as the widest
-MAX_PATH = 1_000_000  # characters of a centre line, or of its widths
-MAX_PARTS = 1_000_000  # characters of the list of parts that are looked at
-MAX_PLACE = 1e6  # px from the canvas's origin, and the largest canvas
+MAX_STROKES = LIMITS["strokes"].value
+MAX_TEXELS = LIMITS["texels"].value
+MAX_PATH = LIMITS["path_characters"].value
+MAX_PARTS = LIMITS["parts_characters"].value
+MAX_PLACE = LIMITS["place"].value
 REFERENCES = ("fill", "clip-path", "mask", "filter")
 _REFERENCE = re.compile(rf"(?:^|;)\s*(?:{'|'.join(REFERENCES)})\s*:\s*url\(")
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
@@ -65,15 +64,15 @@ CC = ("http://creativecommons.org/ns#", "http://web.resource.org/cc/")
 # A stroke exactly as we write it: whatever is in it, it is markup that cannot run or load anything.
 _VALUE = r'="[^"<&]*"'
 _ART = re.compile(
-    rf'<(path|g) id="([\w.:-]*)" class="stroke"(?: data-ss-part="[^"<]*")?((?: [a-z:-]+{_VALUE})*)'
+    rf'<(path|g) id="([\w.:-]*)" class="stroke"(?: {Data.PART}="[^"<]*")?((?: [a-z:-]+{_VALUE})*)'
     rf"(/>|>(?:\s*<path(?: (?:d|fill|fill-opacity|transform){_VALUE})+/>"
     rf'|\s*<image(?: (?:x|y|width|height|preserveAspectRatio){_VALUE})* xlink:href="data:image/png;base64,[\w+/=]*"/>'
     rf")*\s*</\1>)"
 )
 
 _ART_NAMES = {
-    "data-ss-class", "data-ss-path", "data-ss-width", "data-ss-closed", "data-ss-texture", "data-ss-margin",
-    "data-ss-at", "data-ss-spine", "data-ss-opacity", "fill", "fill-opacity", "fill-rule", "d",
+    Data.CLASS, Data.PATH, Data.WIDTH, Data.CLOSED, Data.TEXTURE, Data.MARGIN,
+    Data.AT, Data.SPINE, Data.OPACITY, "fill", "fill-opacity", "fill-rule", "d",
     "inkscape:path-effect", "inkscape:original-d",
 }  # fmt: skip
 
@@ -214,7 +213,7 @@ class _Reader:
         if not drawn:
             self.stack.append(_State(drawn=False))
             return
-        ours = "data-ss-path" in attributes and tag in (*GROUPS, *SHAPES)
+        ours = Data.PATH in attributes and tag in (*GROUPS, *SHAPES)
         if ours or above.stroke is not None or tag in GROUPS:
             self.effects += _effects(attributes)
         if above.stroke is not None:  # inside a stroke: what it looks like
@@ -246,7 +245,7 @@ class _Reader:
             self.hidden += 1
             state.drawn = False
         elif tag not in GROUPS:
-            paper = attributes.get("id") == "paper" or "data-ss-hidden" in attributes
+            paper = attributes.get("id") == "paper" or Data.HIDDEN in attributes
             if tag in SHAPES and state.visible and not (state.gone or paper):
                 self.others += 1
             state.drawn = False
@@ -274,7 +273,7 @@ class _Reader:
             self.words[key] = self.words.get(key, "") + text
 
     def _check_version(self, attributes):
-        version = attributes.get("data-ss-format", "")
+        version = attributes.get(Data.FORMAT, "")
         if version.isdigit() and len(version) < 9 and int(version) > FORMAT:
             raise ValueError(
                 f"written by a newer strokestyle (format {version}, this reads {FORMAT}): update strokestyle"
@@ -303,7 +302,7 @@ class _Reader:
     # ------------------------------------------------------------------------------------------------ the drawing
 
     def file(self) -> SvgFile:
-        if not self.strokes and not ("data-ss-size" in self.root or self.hidden):
+        if not self.strokes and not (Data.SIZE in self.root or self.hidden):
             raise ValueError(
                 "no strokes in it that strokestyle wrote: edit and view take what render writes; "
                 "other programs' curves are drawn with --curves"
@@ -339,19 +338,15 @@ class _Reader:
     def _canvas(self) -> tuple[tuple[int, int], tuple[float, float]]:
         """Size of the canvas and where it begins in user units: as written, or what somebody made of the page since."""
         root = self.root
-        size = (
-            parse_numbers(root["data-ss-size"], "data-ss-size") if "data-ss-size" in root else None
-        )
+        size = parse_numbers(root[Data.SIZE], Data.SIZE) if Data.SIZE in root else None
         if size is not None and len(size) != 2:
             raise ValueError(
-                f"data-ss-size must be a width and a height, got {quoted(root['data-ss-size'])!r}"
+                f"{Data.SIZE} must be a width and a height, got {quoted(root['{Data.SIZE}'])!r}"
             )
         box = parse_numbers(root["viewBox"], "viewBox") if "viewBox" in root else None
         if box is not None and (len(box) != 4 or min(box[2:]) <= 0):
             raise ValueError("viewBox must be four numbers, x y width height, the last two above 0")
-        written = (
-            parse_numbers(root["data-ss-page"], "data-ss-page") if "data-ss-page" in root else None
-        )
+        written = parse_numbers(root[Data.PAGE], Data.PAGE) if Data.PAGE in root else None
         same = box is None or written is None or np.allclose(box, written, atol=1e-3)
         if size is not None and same:
             box = [0.0, 0.0, *size]
@@ -365,7 +360,7 @@ class _Reader:
         """The parts that strokes name, in the order that the file has for them; those from other files lie on top."""
         order = tuple(
             unquote(name)
-            for name in self.root.get("data-ss-parts", "")[:MAX_PARTS].split()[:MAX_STROKES]
+            for name in self.root.get(Data.PARTS, "")[:MAX_PARTS].split()[:MAX_STROKES]
         )
         return Parts.of_names([line.part for line in lines], order)
 
@@ -374,7 +369,7 @@ class _Reader:
         if "license" in words:
             urls = {url: name for name, url in LICENSES.items()}
             words["license"] = urls.get(words["license"], words["license"])
-        options = SvgOptions.from_text(self.root.get("data-ss-options", ""), **words)
+        options = SvgOptions.from_text(self.root.get(Data.OPTIONS, ""), **words)
         if options.texture == "auto" or not textured:
             options = SvgOptions(**{**vars(options), "texture": "image" if textured else "none"})
         return options
@@ -386,26 +381,26 @@ class _Reader:
 def _lines(found: _Found, origin: tuple[float, float], data: bytes, budget: Budget) -> list[_Line]:
     """The stroke, and copies of it that are merged with it."""
     attributes, state = found.attributes, found.state
-    closed = attributes.get("data-ss-closed", "") == "1"
-    xy = _centre(attributes["data-ss-path"], closed)
-    xy, width = _widths(xy, attributes.get("data-ss-width", "1"))
+    closed = attributes.get(Data.CLOSED, "") == "1"
+    xy = _centre(attributes[Data.PATH], closed)
+    xy, width = _widths(xy, attributes.get(Data.WIDTH, "1"))
     color = np.array([*rgb(state.fill), state.fill_opacity * state.opacity])
-    color[3] *= _share(attributes.get("data-ss-opacity", ""), 1.0)
+    color[3] *= _share(attributes.get(Data.OPACITY, ""), 1.0)
     if state.fill == "none":
         color[3] = 0.0
-    kind = kind_named(attributes.get("data-ss-class", ""))
+    kind = kind_named(attributes.get(Data.CLASS, ""))
     moves = _baked(found, closed)
     strip, margin = None, 0.0
-    if "data-ss-margin" in attributes:
-        margin = _margin(attributes["data-ss-margin"])
-    if "data-ss-texture" in attributes:
+    if Data.MARGIN in attributes:
+        margin = _margin(attributes[Data.MARGIN])
+    if Data.TEXTURE in attributes:
         strip = read_strip(
-            from_base64(attributes["data-ss-texture"].split(",", 1)[-1], "texture"),
+            from_base64(attributes[Data.TEXTURE].split(",", 1)[-1], "texture"),
             color[:3],
-            min(budget.texels, STRIP_TEXELS),
+            min(budget.texels, LIMITS["strip_texels"].value),
         )
         budget.spend("texels", strip[..., 0].size)
-    elif "data-ss-margin" in attributes and not has_external_image(
+    elif Data.MARGIN in attributes and not has_external_image(
         found.shapes
     ):  # else flat ink is left
         strip = drawn_strip(
@@ -420,7 +415,7 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, budget: Budg
         art = _art(data, found)
     kind, part = (
         KINDS.index("other") if kind is None else kind,
-        part_name(attributes.get("data-ss-part", "")),
+        part_name(attributes.get(Data.PART, "")),
     )
     line = _Line(xy, width, closed, kind, color, strip, margin, part, art)
     home = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), state.matrix)
@@ -471,21 +466,21 @@ _POLYLINE = re.compile(r"\s*M([^A-Za-z]*)l([^A-Za-z]*)")
 def _centre(path: str, closed: bool) -> np.ndarray:
     """The points (n, 2) of a centre line, n >= 2; a closed one ends where it begins."""
     if len(path) > MAX_PATH:
-        raise ValueError(f"data-ss-path has more than {MAX_PATH} characters")
+        raise ValueError(f"{Data.PATH} has more than {MAX_PATH} characters")
     match = _POLYLINE.fullmatch(path)
     if match and not re.sub(
         r"[\s,]+", "", _NUMBERS.sub("", match[1] + " " + match[2])
     ):  # as we write it
         head, steps = (np.array(_NUMBERS.findall(part), np.float64) for part in match.groups())
         if len(head) != 2 or len(steps) % 2:
-            raise ValueError("data-ss-path has half a point")
+            raise ValueError(f"{Data.PATH} has half a point")
         xy = np.cumsum(np.concatenate([head[None], steps.reshape(-1, 2)]), axis=0).round(9)
     else:
-        subpaths = parse_path(path, name="data-ss-path")
+        subpaths = parse_path(path, name=Data.PATH)
         if len(subpaths) > 1:
-            raise ValueError(f"data-ss-path has {len(subpaths)} pieces; a stroke has one")
+            raise ValueError(f"{Data.PATH} has {len(subpaths)} pieces; a stroke has one")
         if not subpaths:
-            raise ValueError("data-ss-path draws nothing")
+            raise ValueError(f"{Data.PATH} draws nothing")
         cubics = np.array(subpaths[0]).reshape(-1, 4, 2)
         third = (cubics[:, 3] - cubics[:, 0]) / 3
         if (
@@ -497,7 +492,7 @@ def _centre(path: str, closed: bool) -> np.ndarray:
         else:
             xy, _ = flatten(cubics, np.array([0, len(cubics)]), CHORD)
     if len(xy) > limits.MAX_POINTS or not (np.abs(xy) <= MAX_NUMBER).all():
-        raise ValueError("data-ss-path leads too far to be a line in a drawing")
+        raise ValueError(f"{Data.PATH} leads too far to be a line in a drawing")
     if closed and len(xy) > 1 and (xy[0] != xy[-1]).any():
         near = np.abs(xy[0] - xy[-1]).max() < 1e-6
         xy = np.concatenate([xy[:-1] if near else xy, xy[:1]])
@@ -507,7 +502,7 @@ def _centre(path: str, closed: bool) -> np.ndarray:
 def _widths(xy: np.ndarray, text: str) -> tuple[np.ndarray, np.ndarray]:
     """Points and the width at each; where widths are given by arc length, points are added that hold them."""
     if len(text) > MAX_PATH:
-        raise ValueError(f"data-ss-width has more than {MAX_PATH} characters")
+        raise ValueError(f"{Data.WIDTH} has more than {MAX_PATH} characters")
     try:
         if "," not in text:
             width = np.array(text.split(), np.float64)
@@ -518,20 +513,20 @@ def _widths(xy: np.ndarray, text: str) -> tuple[np.ndarray, np.ndarray]:
             ):  # of a ring, without the point it repeats
                 width = np.r_[width, width[:1]]
             if len(width) != len(xy):
-                raise ValueError(f"data-ss-width has {len(width)} widths for {len(xy)} points")
+                raise ValueError(f"{Data.WIDTH} has {len(width)} widths for {len(xy)} points")
         else:
             t, knots = np.array([pair.split(",") for pair in text.split()], np.float64).T
             if not ((np.diff(t) >= 0).all() and t[0] >= 0 and t[-1] <= 1):
-                raise ValueError("data-ss-width: places must rise from 0 to 1")
+                raise ValueError(f"{Data.WIDTH}: places must rise from 0 to 1")
             xy, width = _at_knots(xy, t, knots)
     except ValueError as error:
-        if "data-ss-width" in str(error):
+        if Data.WIDTH in str(error):
             raise
         raise ValueError(
-            f'bad data-ss-width "{quoted(text)}": expected numbers, or pairs t,w'
+            f'bad {Data.WIDTH} "{quoted(text)}": expected numbers, or pairs t,w'
         ) from None
     if not (np.isfinite(width).all() and width.min() >= 0):
-        raise ValueError("data-ss-width holds a width that is none")
+        raise ValueError(f"{Data.WIDTH} holds a width that is none")
     return xy, width
 
 
@@ -555,23 +550,19 @@ def _baked(found: _Found, closed: bool) -> list[Affine]:
 
     One; more where svgo merged a stroke of flat ink with its moved copies, whose attributes are the same.
     """
-    if "data-ss-at" not in found.attributes or not found.shapes:
+    if Data.AT not in found.attributes or not found.shapes:
         return [IDENTITY]
     first = found.shapes[0]
     attributes = first.attributes
     try:
         spine = attributes.get(INKSCAPE_NAMESPACE + "}original-d", "")
-        if (
-            spine and "data-ss-spine" in attributes
-        ):  # a PowerStroke, whose outline Inkscape draws anew
+        if spine and Data.SPINE in attributes:  # a PowerStroke, whose outline Inkscape draws anew
             line = transformed(first.matrix, first_line(spine))
             return [
-                recover_transform(
-                    _landmarks(attributes["data-ss-spine"].split()), landmarks(line), line
-                )
+                recover_transform(_landmarks(attributes[Data.SPINE].split()), landmarks(line), line)
                 or IDENTITY
             ]
-        *places, within = found.attributes["data-ss-at"].split()
+        *places, within = found.attributes[Data.AT].split()
         if "," in within:  # of an image, or written before an area was
             places, within = [*places, within], "nan"
         then = _landmarks(places)
@@ -694,9 +685,9 @@ def _share(text: str, default: float) -> float:
 
 
 def _margin(text: str) -> float:
-    values = parse_numbers(text, "data-ss-margin")
+    values = parse_numbers(text, Data.MARGIN)
     if len(values) != 1 or not 0 <= values[0] <= MAX_MARGIN:
         raise ValueError(
-            f'bad data-ss-margin "{quoted(text)}": expected a number between 0 and {MAX_MARGIN:g}'
+            f'bad {Data.MARGIN} "{quoted(text)}": expected a number between 0 and {MAX_MARGIN:g}'
         )
     return values[0]

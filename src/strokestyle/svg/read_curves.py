@@ -12,6 +12,7 @@ from .. import files as limits
 from ..geometry.affine import IDENTITY, MAX_NUMBER, Affine, compose, fit_box, transformed
 from ..geometry.bezier import Segment, flatten
 from ..geometry.curves import KINDS, SAME_POINT, Curves, clean_curves, kind_named
+from .format import Data
 from .path_data import (
     SPACE,
     length,
@@ -70,18 +71,18 @@ class _SvgReader:
     def enter(self, tag: str, attributes: dict[str, str]):
         """The stack's entry for an element; the curves of a shape are added."""
         root = not self.stack
-        shape = tag in SHAPES or "data-ss-path" in attributes
+        shape = tag in SHAPES or Data.PATH in attributes
         style = attributes.get("style", "")
         if css_property("display", style, attributes) == "none" or not (shape or tag in GROUPS):
             return None
-        if "data-ss-hidden" in attributes:  # a layer of ours, of what is behind the shape
+        if Data.HIDDEN in attributes:  # a layer of ours, of what is behind the shape
             return None
         matrix, kind, visible, view = (
             (IDENTITY, KINDS.index("other"), True, (0.0, 0.0)) if root else self.stack[-1]
         )
         visibility = css_property("visibility", style, attributes)
         visible = visible if visibility in ("", "inherit") else visibility == "visible"
-        for key in ("data-ss-class", LABEL, "id", "class"):
+        for key in (Data.CLASS, LABEL, "id", "class"):
             if key in attributes and (named := kind_named(attributes[key])) is not None:
                 kind = named
                 break
@@ -129,8 +130,8 @@ class _SvgReader:
         return matrix, tuple(box[2:]) if box else (width, height)
 
     def add(self, tag: str, attributes, matrix: Affine, kind: int, view: tuple[float, float]):
-        if "data-ss-path" in attributes:  # a stroke that we wrote: its outline is not its line
-            subpaths = parse_path(attributes["data-ss-path"], name="data-ss-path")
+        if Data.PATH in attributes:  # a stroke that we wrote: its outline is not its line
+            subpaths = parse_path(attributes[Data.PATH], name=Data.PATH)
         elif tag == "path":
             subpaths = parse_path(attributes.get("d", ""))
         elif tag in ("polyline", "polygon"):

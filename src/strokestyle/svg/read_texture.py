@@ -15,12 +15,13 @@ from ..drawing.ribbon import Ribbon, strip_points
 from ..geometry.affine import Affine, transformed
 from ..geometry.bezier import flatten
 from ..geometry.polygons import winding_number
+from .format import LIMITS
 from .path_data import length, parse_path
 from .png import read_png
 
 DENSITY = 1.5  # texels a px, of what is drawn in tones
-MAX_PIXELS = 4_000_000  # of an image
-MAX_RINGS = 20_000  # of a tone
+MAX_PIXELS = LIMITS["image_pixels"].value
+MAX_RINGS = LIMITS["rings"].value
 CHORD = 0.05  # px between a curve and its chords
 _TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
 _PNG = re.compile(
@@ -32,9 +33,9 @@ _PNG = re.compile(
 class Budget:
     """What the textures of a file may take to read."""
 
-    texels: int = 8_000_000
-    pixels: int = 40_000_000  # of images
-    looks: int = 200_000_000  # at a texel for a tone, and at an edge of the tone at its height
+    texels: int = LIMITS["texels_read"].value
+    pixels: int = LIMITS["pixels_read"].value
+    looks: int = LIMITS["looks"].value
 
     def spend(self, what: str, amount: int) -> None:
         """Raises ValueError where no more is left."""

@@ -10,6 +10,7 @@ from scipy.linalg import solveh_banded
 
 from ..drawing.strip import texel_places
 from ..drawing.strokes import Drawing
+from .format import LIMITS, STRIP_COLORS, STRIP_LEVELS
 from .palette import quantise
 from .png import png, read_png
 
@@ -17,12 +18,10 @@ ONE_INK = (
     1.5 / 255
 )  # rms; colours nearer than this to the stroke's ink need no palette: the PNG is its opacity
 SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
-LEVELS, FEW, COLORS = 16, 6, 16  # what 4 bits a texel hold; few levels are half the text
-MAX_TEXELS = 2_000_000  # of a strip
 WAYS = {0: zlib.Z_DEFAULT_STRATEGY, 2: zlib.Z_DEFAULT_STRATEGY}  # of packing its PNG
 
 
-def strips_png(drawing: Drawing, index=None, levels: int = LEVELS) -> list[bytes]:
+def strips_png(drawing: Drawing, index=None, levels: int = STRIP_LEVELS) -> list[bytes]:
     """The strips of all strokes, or of those of `index`, as PNG.
 
     x runs along the stroke, one texel a px; grey is opacity in the stroke's ink, in so many `levels`.
@@ -43,13 +42,15 @@ def strips_png(drawing: Drawing, index=None, levels: int = LEVELS) -> list[bytes
             small = np.stack([_smaller(strip[..., k], rows, columns) for k in range(4)], axis=-1)
             small = np.clip(small, 0, 1)
             small[..., :3] = np.minimum(small[..., :3], small[..., 3:])
-            place, palette = quantise(small.reshape(-1, 4), COLORS - 1)
+            place, palette = quantise(small.reshape(-1, 4), STRIP_COLORS - 1)
             palette = np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)
             made.append(png(place.reshape(rows, columns).T, palette, 4, WAYS))
     return made
 
 
-def read_strip(data: bytes, ink: np.ndarray, most: int = MAX_TEXELS) -> np.ndarray:
+def read_strip(
+    data: bytes, ink: np.ndarray, most: int = LIMITS["strip_texels"].value
+) -> np.ndarray:
     """A strip (n, A, 4) uint8 from its PNG; `ink` (3,) in [0, 1] is the colour of a grey one.
 
     Raises ValueError on what is no PNG, is damaged, or has more than `most` texels.

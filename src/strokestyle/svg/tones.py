@@ -3,7 +3,7 @@
 Tones are nested, the lightest first: each is painted over the one before, and what shows through adds up to the opacity
 and colour that the texture has there on average. A region's edge is a closed uniform quadratic B-spline: its pieces
 meet in the middles of the sides of a polygon, so that path data needs one point a piece (`q`, then `t`). Its numbers
-are whole ones, of UNIT px: a third less text than decimals.
+are whole ones, of TONE_UNIT px: a third less text than decimals.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from ..drawing.ribbon import Ribbon, ribbon
 from ..drawing.strokes import Drawing
 from ..geometry.curves import arc, counting, owner, simplify_all, take_ragged
 from ..geometry.polygons import isolines
+from .format import TONE_UNIT
 from .ink import inks
 
-UNIT = 0.15  # px, of path data; the polygons' points have even numbers of it, so that the middles of sides are whole
 SLACK = 3.0  # times the tolerance of an outline: how far the edge of a tone may be off
 POINTS = 85_000  # of all polygons: beyond it the slack grows, so that a dense drawing stays a file to work with
 COARSEST = 0.6  # px, the most that it grows to
@@ -40,7 +40,7 @@ class Tones:
     ----------
     opacity : (C, K) float64, that each tone is painted with, the lightest first
     color : (C, K, 3) float64 in [0, 1]
-    points : (M, 2) int64, polygon points in units of 2 UNIT
+    points : (M, 2) int64, polygon points in units of 2 TONE_UNIT
     offsets : (R+1,) of the polygons
     stroke, tone : (R,) whose they are
     """
@@ -283,7 +283,7 @@ def _splines(xy, offsets, slack):
         closed, keep, kept = closed[rows], keep[rows], kept[big]
     keep[ends[1:] - 1] = False
     offsets = _counted(keep, ends)
-    polygon = np.rint(_fitted(closed, ends, keep, offsets) / (2 * UNIT)).astype(np.int64)
+    polygon = np.rint(_fitted(closed, ends, keep, offsets) / (2 * TONE_UNIT)).astype(np.int64)
     before, _ = _neighbours(offsets)
     keep = (polygon != polygon[before]).any(axis=1)
     polygon, offsets = polygon[keep], _counted(keep, offsets)
@@ -369,7 +369,7 @@ def _areas(xy, offsets):
 def tone_paths(regions: Tones) -> list[list[tuple[np.ndarray, float, str]]]:
     """For each stroke, colour (3,), opacity and path data of its tones, the lightest first.
 
-    In units of UNIT px, to be filled by the nonzero rule.
+    In units of TONE_UNIT px, to be filled by the nonzero rule.
     """
     points, offsets = regions.points, regions.offsets
     paths = [[[] for _ in range(regions.opacity.shape[1])] for _ in range(len(regions.opacity))]

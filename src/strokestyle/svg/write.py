@@ -21,18 +21,26 @@ from ..geometry.curves import KINDS, Curves, arc_length, simplify_all
 from ..geometry.parts import Parts
 from .centre_lines import EFFECT, effect, plotter_svg, power_strokes
 from .document import LayerItem, document, layered
-from .format import ID_PLACEHOLDER, SvgOptions, markup_options
+from .format import (
+    ID_PLACEHOLDER,
+    PATH_SLACK,
+    STRIP_LEVELS,
+    STRIP_LEVELS_FEW,
+    TONE_UNIT,
+    WIDTH_SLACK,
+    Data,
+    SvgOptions,
+    markup_options,
+)
 from .images import stroke_images
 from .ink import inks
 from .landmarks import enclosed, fine_line, first_line, landmarks
 from .markup import attribute, element, hex_color, number, numbers, polyline_path, rings_path, units
-from .strip_image import FEW, LEVELS, strips_png
-from .tones import UNIT, tone_paths, tones
+from .strip_image import strips_png
+from .tones import tone_paths, tones
 
 SAME_INK = 2.5 / 255  # colours nearer than this are one
 NEAR_INK = 24 / 255  # and nearer than this not far off
-PATH_SLACK = 0.06  # px a centre line may be off where data-ss-path leaves points out
-WIDTH_SLACK = 0.004  # px a width may be off where data-ss-width leaves points out
 ID = re.compile(r"[A-Za-z_][\w.-]{0,99}", re.ASCII)
 RESERVED = re.compile(f"paper|layer-({'|'.join(KINDS)})")
 RESERVED_WITH_PARTS = re.compile("paper|(layer|part)-.*")
@@ -81,10 +89,12 @@ def write_svg(
             lying
         )
         others = [i for i in order.tolist() if i not in kept] if strips else []
-        few = FEW if options.texture == "vector" else LEVELS  # a few tones need no more
+        few = (
+            STRIP_LEVELS_FEW if options.texture == "vector" else STRIP_LEVELS
+        )  # a few tones need no more
         for name, index, levels in (
-            ("data-ss-texture", lying, few),
-            ("data-ss-strip", others, LEVELS),
+            (Data.TEXTURE, lying, few),
+            (Data.STRIP, others, STRIP_LEVELS),
         ):
             for i, strip in zip(index, strips_png(drawing, index, levels), strict=True):
                 tag, markup, *points = drawn[i]
@@ -98,7 +108,7 @@ def write_svg(
         tag, markup, *points = drawn[i]
         part = "" if drawing.parts is None else drawing.parts.name(i)
         begin = f'\n<{tag} id="{names[i]}" class="stroke"' + (
-            attribute("data-ss-part", part) if part else ""
+            attribute(Data.PART, part) if part else ""
         )
         marks.append(
             LayerItem(
@@ -155,9 +165,9 @@ def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray):
         if (
             options.texture == "vector" and "fill-opacity" in data
         ):  # tones have their own: scour would drop the group's
-            data["data-ss-opacity"] = data.pop("fill-opacity")
+            data[Data.OPACITY] = data.pop("fill-opacity")
         if options.texture != "none":
-            data["data-ss-margin"] = number(drawing.texture.margin[i], 4)
+            data[Data.MARGIN] = number(drawing.texture.margin[i], 4)
         points = [attributes.pop("points")] if "points" in attributes else []
         markup = element(tag, {**data, **attributes}, content)
         yield tag, markup[len(tag) + 2 :], *points
@@ -222,7 +232,7 @@ def plain_svg(
             "stroke-dasharray": "4 2.5",
         }
         marks = _plain_marks(hidden, hidden_parts, "h", decimals)
-        content += layered(marks, "kind", dashes | {"data-ss-hidden": "1"}, prefix="hidden-")
+        content += layered(marks, "kind", dashes | {Data.HIDDEN: "1"}, prefix="hidden-")
     content += layered(_plain_marks(curves, parts, "k", decimals), "kind", pen)
     return document(content, size, options)
 
@@ -261,14 +271,14 @@ def _flat(drawing, options, order):
         outlines(drawing.strokes, options.tolerance, order), skeletons, strict=True
     ):
         d = rings_path(rings, options.decimals)
-        at = {"data-ss-at": _edge_at(fine_line(rings[0]))} if rings else {}
+        at = {Data.AT: _edge_at(fine_line(rings[0]))} if rings else {}
         attributes = {**at, "fill-rule": "nonzero", "d": d}
         if skeleton is not None:
             attributes |= {
                 "inkscape:path-effect": f"#{EFFECT}{ID_PLACEHOLDER}",
                 "inkscape:original-d": skeleton[0],
             }
-            attributes["data-ss-spine"] = _at(
+            attributes[Data.SPINE] = _at(
                 landmarks(first_line(skeleton[0]))
             )  # Inkscape draws the outline anew
             attributes["points"] = skeleton[1]  # for the effect in the file's head
@@ -278,7 +288,7 @@ def _flat(drawing, options, order):
 def _tones(drawing, options, order):
     """(tag, attributes, content) of each stroke: its texture in a few tones, the lightest beneath."""
     made = tone_paths(tones(drawing, order, options.tones, options.tolerance))
-    unit = f"scale({number(UNIT, 4)})"
+    unit = f"scale({number(TONE_UNIT, 4)})"
     for i, paths in zip(order.tolist(), made, strict=True):
         content, ink = "", drawing.color[i, :3]
         # the tone nearest to the stroke's ink has that ink, so that programs see the stroke's fill in use
@@ -292,7 +302,7 @@ def _tones(drawing, options, order):
             )
         yield (
             "g",
-            {"data-ss-at": _edge_at(UNIT * first_line(paths[0][2]))} if paths else {},
+            {Data.AT: _edge_at(TONE_UNIT * first_line(paths[0][2]))} if paths else {},
             content,
         )
 
@@ -309,7 +319,7 @@ def _images(drawing, options, order):
         href = "data:image/png;base64," + base64.b64encode(png).decode("ascii")
         image = element("image", {**box, "preserveAspectRatio": "none", "xlink:href": href})
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
-        yield "g", {"data-ss-at": _at(corners)}, image
+        yield "g", {Data.AT: _at(corners)}, image
 
 
 # ------------------------------------------------------------------------------------------- a stroke, to be read back
@@ -342,9 +352,9 @@ def _data(
     if len(path_of_both) + len(each) <= len(path) + len(pairs):
         path, pairs = path_of_both, each
     # the centre line is data, not a shape, so it is an open path even where the stroke is closed
-    data = {"data-ss-class": KINDS[strokes.kind[i]], "data-ss-path": path, "data-ss-width": pairs}
+    data = {Data.CLASS: KINDS[strokes.kind[i]], Data.PATH: path, Data.WIDTH: pairs}
     if strokes.closed[i]:
-        data["data-ss-closed"] = "1"
+        data[Data.CLOSED] = "1"
     data["fill"] = hex_color(drawing.color[i, :3])
     if drawing.color[i, 3] < 0.9995:
         data["fill-opacity"] = number(drawing.color[i, 3], 3)
