@@ -32,13 +32,13 @@ import sight
 from strokestyle.extract import segments as lines
 from strokestyle.extract.camera import fit_camera
 from strokestyle.extract.feature_maps import feature_maps
-from strokestyle.extract.line_options import SURFACE_KINDS, LineOptions
+from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.lines import feature_curves
 from strokestyle.extract.pipeline import extract_view
 from strokestyle.extract.rays import Bvh
 from strokestyle.extract.view_curvature import ViewFields
-from strokestyle.extract.visible import SHARP_KINDS
 from strokestyle.geometry.curves import KINDS, Curves, arc_length, owner, resample, tangents
+from strokestyle.geometry.kinds import SHARP_KINDS, SURFACE_KINDS
 from strokestyle.mesh.surface import load_surface, make_surface
 
 VIEWS = ("three-quarter", "side")

@@ -90,19 +90,25 @@ def test_no_circles_inside_a_package():
         visit(name, [])
 
 
-def test_the_command_line_starts_without_the_heavy_libraries():
-    heavy = {"torch", "numpy", "scipy", "trimesh", "embreex", "PIL", "rich"}
-    for module, top in imports("cli"):
-        assert not (top and (module in heavy or module[1:] in MODULES)), module
-
-
-def test_a_mesh_is_drawn_without_torch():
-    """Its import takes longer than all that `render` does."""
-    seen, todo = set(), ["mesh.surface", "extract.pipeline", "render.style_file", "svg.write"]
+def imported_with(*names):
+    """Our modules that importing these brings in: themselves, and what they import at their top."""
+    seen, todo = set(), list(names)
     while todo:
         name = todo.pop()
         if name not in seen:
             seen.add(name)
             todo += [module[1:] for module, top in imports(name) if top and module[1:] in MODULES]
+    return seen
+
+
+def test_the_command_line_starts_without_the_heavy_libraries():
+    heavy = {"torch", "numpy", "scipy", "trimesh", "embreex", "PIL", "rich"}
+    for name in imported_with("cli"):
+        assert not heavy & {module for module, top in imports(name) if top}, name
+
+
+def test_a_mesh_is_drawn_without_torch():
+    """Its import takes longer than all that `render` does."""
+    seen = imported_with("mesh.surface", "extract.pipeline", "render.style_file", "svg.write")
     torch = {name for name in seen if "torch" in dict(imports(name))}
     assert "render.quilt" in seen and not torch

@@ -10,7 +10,7 @@ from command import refused, run
 from PIL import Image
 
 from strokestyle import __version__, cli
-from strokestyle.geometry.curves import KINDS
+from strokestyle.geometry.kinds import SURFACE_KINDS
 
 TETRA = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
@@ -54,11 +54,10 @@ def test_what_help_says_is_what_the_library_does():
     from strokestyle.geometry.curves import DEFAULT_SPACING
 
     assert cli.VIEWS.split(", ") == list(NAMED_VIEWS)
-    assert set(cli.KIND_NAMES) <= set(KINDS)
     assert set(cli.PRESET_NAMES) == set(PRESETS)
     assert (DEFAULT_FOV, DEFAULT_SIZE, DEFAULT_SPACING) == (30, 768, 3)
     assert (cli.LEAST_DETAIL, cli.MOST_DETAIL) == (LEAST_DETAIL, MOST_DETAIL)
-    assert LineOptions().kinds == tuple(kind for kind in cli.KIND_NAMES if kind != "apparent")
+    assert LineOptions().kinds == tuple(kind for kind in SURFACE_KINDS if kind != "apparent")
     for option in cli.extract.params:
         if option.name in ("crease", "suggestive", "ridge", "valley", "apparent"):
             assert option.help.endswith(f"[default: {getattr(LineOptions(), option.name):g}]")

@@ -13,11 +13,12 @@ from strokestyle.extract import lines as line_choice
 from strokestyle.extract import segments as lines
 from strokestyle.extract.camera import Camera, fit_camera
 from strokestyle.extract.chain import chain_segments
-from strokestyle.extract.line_options import SURFACE_KINDS, LineOptions
+from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.lines import feature_curves
 from strokestyle.extract.surface_curves import SurfaceCurves
 from strokestyle.extract.view_curvature import ViewFields
 from strokestyle.geometry.curves import KINDS
+from strokestyle.geometry.kinds import KIND_TABLE, SURFACE_KINDS
 from strokestyle.mesh.surface import make_surface
 
 SHARED = os.environ.get("STROKESTYLE_SHARED")
@@ -736,3 +737,7 @@ def test_empty_curves():
         and len(SurfaceCurves.concatenate([])) == 0
     )
     assert len(empty.take(np.zeros(0, bool))) == 0
+
+
+def test_lines_that_follow_the_camera_are_found_for_each_view():
+    assert {kind.name for kind in KIND_TABLE if kind.follows_camera} == set(line_choice._VIEW_KINDS)

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 
 from strokestyle.geometry.curves import (  # fmt: skip
+    KINDS,
     Curves,
     arc_length,
     blurred,
     counting,
+    is_kind,
     owner,
     resample,
     resample_curves,
+    runs,
     simplify,
     simplify_all,
     take_ragged,
@@ -141,3 +144,19 @@ def test_a_blur_keeps_straight_lines_and_ends_and_shrinks_a_circle_as_the_formul
 def test_counting_starts_anew_with_each_number():
     assert counting(np.array([3, 0, 1, 2])).tolist() == [0, 1, 2, 0, 0, 1]
     assert counting(np.zeros(0, int)).tolist() == []
+
+
+def test_runs_end_where_any_value_changes():
+    flag = np.array([True, True, False, False, False, True])
+    curve = np.array([0, 0, 0, 0, 1, 1])
+    assert runs(flag).tolist() == [0, 2, 5, 6]
+    assert runs(flag, curve).tolist() == [0, 2, 4, 5, 6]
+    assert runs(curve, flag).tolist() == [0, 2, 4, 5, 6]
+    assert runs(np.zeros(3)).tolist() == [0, 3] and runs(np.array([7])).tolist() == [0, 1]
+    assert runs(np.zeros(0, bool)).tolist() == [0]
+
+
+def test_is_kind_knows_kinds_by_their_names():
+    kind = np.array([KINDS.index(name) for name in ("ridge", "contour", "other")], np.int8)
+    assert is_kind(kind, ("ridge", "other")).tolist() == [True, False, True]
+    assert not is_kind(kind, ()).any()

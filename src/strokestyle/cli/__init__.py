@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from .. import __version__
+from ..geometry.kinds import SURFACE_KINDS
 
 # torch makes its threads wait by spinning unless told otherwise before it is imported. On two cores shared with
 # other work that made a fit 5 times slower (138 s for 25 s); sleeping at once made it a quarter slower on idle ones
@@ -22,16 +23,6 @@ os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 # Text for --help, so that it needs no import; tests/test_cli.py checks it against the library.
 VIEWS = "front, three-quarter, side, back, top"
-KIND_NAMES = (
-    "contour",
-    "boundary",
-    "crease",
-    "suggestive",
-    "ridge",
-    "valley",
-    "apparent",
-    "intersection",
-)
 VIEW_SUFFIXES = (".npz",)
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".dae", ".xyz", ".wrl")
 PRESET_NAMES = ("quick", "standard", "paper")
@@ -105,11 +96,11 @@ class Kinds(click.ParamType):
             return value
         names = tuple(part.strip() for part in value.split(",") if part.strip())
         if names == ("all",):
-            return KIND_NAMES
-        wrong = [name for name in names if name not in KIND_NAMES]
+            return SURFACE_KINDS
+        wrong = [name for name in names if name not in SURFACE_KINDS]
         if wrong or not names:
             self.fail(
-                f"{', '.join(wrong) or 'nothing'}: no such kind of line; there are {', '.join(KIND_NAMES)}, all"
+                f"{', '.join(wrong) or 'nothing'}: no such kind of line; there are {', '.join(SURFACE_KINDS)}, all"
             )
         return names
 
@@ -201,7 +192,7 @@ line_options = _options(
         "--lines",
         type=Kinds(),
         help="Kinds of line to draw: "
-        + ", ".join(KIND_NAMES)
+        + ", ".join(SURFACE_KINDS)
         + ", or all.  [default: all but apparent]",
     ),
     click.option(

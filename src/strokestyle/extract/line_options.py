@@ -6,24 +6,9 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from ..geometry.kinds import SOFT_KINDS, SURFACE_KINDS
 from ..mesh.surface import DEFAULT_CREASE
 
-SOFT_KINDS = (
-    "suggestive",
-    "ridge",
-    "valley",
-    "apparent",
-)  # read off curvature, so that noise of the mesh tells
-SURFACE_KINDS = (
-    "contour",
-    "boundary",
-    "crease",
-    "suggestive",
-    "ridge",
-    "valley",
-    "apparent",
-    "intersection",
-)
 LEAST_DETAIL, MOST_DETAIL = 0.1, 10.0  # see LineOptions.detailed
 
 

@@ -6,12 +6,13 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from ..geometry.curves import KINDS, take_ragged
+from ..geometry.curves import is_kind, take_ragged
+from ..geometry.kinds import SOFT_KINDS
 from ..mesh.surface import Surface
 from ..mesh.triangles import any_corner
 from .camera import Camera
 from .chain import chain_segments
-from .line_options import SOFT_KINDS, LineOptions
+from .line_options import LineOptions
 from .segments import (
     NEXT_CORNER,
     Segments,
@@ -126,7 +127,7 @@ def _facing(surface: Surface, view: ViewFields, options: LineOptions) -> Surface
         return curves
     front = (view.n_dot_v > 0.0) | ~surface.closed_vertices
     seen = front[surface.faces[curves.face]].any(axis=1)
-    soft = np.isin(curves.kind, [KINDS.index(kind) for kind in SOFT_KINDS])
+    soft = is_kind(curves.kind, SOFT_KINDS)
     return curves.take(~soft | (np.add.reduceat(seen, curves.offsets[:-1]) > 0))
 
 
@@ -137,7 +138,7 @@ def _without_echoes(surface: Surface, curves: SurfaceCurves, options: LineOption
     of fewer than ECHO_EDGES edges are as often the noise of a scan, and do not count.
     """
     near = _near_creases(surface, options)
-    soft = np.isin(curves.kind, [KINDS.index(kind) for kind in SOFT_KINDS])
+    soft = is_kind(curves.kind, SOFT_KINDS)
     which = np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
     keep = ~(soft[which] & near[curves.face])
     if keep.all():

@@ -17,6 +17,7 @@ from ..geometry.curves import (
     owner,
     resample_curves,
 )
+from ..geometry.kinds import HARD_KINDS
 from ..geometry.parts import Parts, part_name
 from ..mesh.surface import Surface
 from .camera import Camera
@@ -26,9 +27,8 @@ from .lines import feature_curves
 from .rays import Bvh
 from .tidy import subtract_parallel, tidy
 from .view import View
-from .visible import SHARP_KINDS, look_along
+from .visible import look_along
 
-HARD_KINDS = ("contour", *SHARP_KINDS)  # lines that are drawn hidden too
 # px that a line of another kind counts as farther away, where the line of a point is sought
 OTHER_KIND = 1.5
 

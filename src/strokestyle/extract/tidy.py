@@ -13,15 +13,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import KINDS, Curves, arc_length, owner, resample, take_ragged
+from ..geometry.kinds import KIND_TABLE
 
 REFERENCE = 768.0  # px, the longer side of the canvas on which all lengths here are stated
 STEP = 1.0  # px between points while at work, and in the result
 HAIRPIN = 110.0  # degrees: a line that turns back on itself is two lines
-SOFT_KINDS = ("suggestive", "ridge", "valley", "apparent")
-_SOFT = np.array([kind in SOFT_KINDS for kind in KINDS])
-
-# How much of a soft line's length counts when two of different kinds compete for one place.
-_WEIGHT = np.array([1.0, 1.0, 2.0, 1.3, 1.0, 1.0, 0.7, 1.0, 1.0])
+_SOFT = np.array([kind.soft for kind in KIND_TABLE])
+_WEIGHT = np.array([kind.weight for kind in KIND_TABLE])
 _CREASE, _SUGGESTIVE = KINDS.index("crease"), KINDS.index("suggestive")
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.curves import KINDS, Curves, counting, owner, take_ragged
+from ..geometry.curves import Curves, counting, is_kind, owner, take_ragged
+from ..geometry.kinds import SHARP_KINDS
 from ..mesh.surface import Surface
 from .camera import Camera
 from .rays import Bvh
@@ -14,7 +15,6 @@ from .surface_curves import SurfaceCurves
 
 SAMPLE = 1.0  # px between the points at which a line is asked whether it is seen
 FLICKER = 2.5  # px
-SHARP_KINDS = ("boundary", "crease", "intersection")  # lines that are edges of the mesh
 
 
 def visible_fragments(
@@ -81,7 +81,7 @@ def look_along(surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Bv
     after = np.minimum(start + 1, lines.offsets[1:][line] - 1)
     node = points[start] + t[:, None] * (points[after] - points[start])
     strength = lines.strength[start] + t * (lines.strength[after] - lines.strength[start])
-    sharp = np.isin(lines.kind, [KINDS.index(kind) for kind in SHARP_KINDS])[line]
+    sharp = is_kind(lines.kind, SHARP_KINDS)[line]
     xy, depth = camera.project(node)
     low, high = -1e-6, np.array([camera.width, camera.height]) + 1e-6
     inside = (depth > 0.0) & ((xy >= low) & (xy <= high)).all(axis=1)

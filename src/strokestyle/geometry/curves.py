@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from .kinds import KINDS
+
 
 def clip(curves: Curves, width: int, height: int) -> Curves:
     """The parts of curves inside the canvas, cut at its edge; curves of no length are dropped."""
@@ -52,18 +54,6 @@ def _clip_line(points: np.ndarray, width: int, height: int) -> list[np.ndarray]:
     return [np.array(piece) for piece in pieces]
 
 
-# Line kinds in order of priority: where two run together, the earlier one stays.
-KINDS = (
-    "contour",
-    "boundary",
-    "crease",
-    "suggestive",
-    "ridge",
-    "valley",
-    "apparent",
-    "intersection",
-    "other",
-)
 DEFAULT_SPACING = 3.0  # px between curve points, as in the authors' code
 
 
@@ -172,6 +162,24 @@ def counting(count: np.ndarray) -> np.ndarray:
 def owner(offsets: np.ndarray) -> np.ndarray:
     """The curve that each row belongs to, (N,)."""
     return np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+
+
+def runs(*values: np.ndarray) -> np.ndarray:
+    """Offsets (R+1,) of the runs of rows over which every one of `values`, each (N,), stays the same.
+
+    To find where a flag changes along curves, give the flag and the curve of each row: `runs(flag, owner(offsets))`.
+    """
+    count = len(values[0])
+    starts = np.zeros(count + 1, bool)
+    starts[[0, -1]] = True
+    for value in values:
+        starts[1:-1] |= value[1:] != value[:-1]
+    return np.flatnonzero(starts)
+
+
+def is_kind(kind: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    """Which of `kind` (C,), indices into KINDS, are one of the named kinds, (C,) bool."""
+    return np.isin(kind, [KINDS.index(name) for name in names])
 
 
 def arc_length(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:

@@ -7,16 +7,11 @@ from scipy import ndimage
 
 from ..extract.view import View
 from ..geometry.curves import KINDS, Curves, arc_length, blurred, owner, tangents
+from ..geometry.kinds import KIND_TABLE
 from .config import StyleConfig
 from .plan import Planned, plan_strokes
 
-# How much a kind matters to the shape: one number, so that a kind that the exemplar lacks lies between its neighbours.
-PROMINENCE = dict.fromkeys(KINDS, 0.0) | {
-    "contour": 1.0,
-    "boundary": 1.0,
-    "crease": 0.5,
-    "intersection": 0.5,
-}
+PROMINENCE = np.array([kind.prominence for kind in KIND_TABLE])
 ENDS = (10.0, 40.0, 120.0)  # px, scales on which a stroke's ends are felt
 SHORT = 0.3  # of a stroke's length, and never a longer scale than this
 BENDS = (
@@ -81,7 +76,7 @@ def point_features(planned: Planned, surface: np.ndarray, config: StyleConfig) -
     columns += [np.clip((y - top) / max(bottom - top, 1e-6), 0, 1)]
     smooth = along_strokes(planned.xy, planned.offsets, 4.0, config.spacing, pin=True)
     columns += list(tangents(smooth, planned.offsets).T)
-    columns += [np.array([PROMINENCE[kind] for kind in KINDS])[planned.kind][which]]
+    columns += [PROMINENCE[planned.kind][which]]
     return np.stack(columns, axis=1)
 
 
