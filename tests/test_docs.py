@@ -1,15 +1,14 @@
-"""The README is run: its shell blocks, its Python blocks, and the help texts that it prints."""
+"""The README is run, its shell blocks and its Python blocks; the pages made from the code are current."""
 
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import click
-import pytest
-from click.testing import CliRunner
 
 from strokestyle import cli
 
@@ -21,22 +20,13 @@ def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```", README, re.M | re.S)
 
 
-def help_text(command):
-    """As a terminal 100 columns wide shows it."""
-    return (
-        CliRunner()
-        .invoke(cli.main, [command, "--help"], terminal_width=100, prog_name="strokestyle")
-        .output
+def test_the_page_of_commands_is_current():
+    made = runpy.run_path(str(ROOT / "docs" / "cli_reference.py"))
+    assert made["PAGE"].read_text(encoding="utf-8") == made["page"](), (
+        "docs/cli.md is behind the help texts: run python docs/cli_reference.py"
     )
-
-
-@pytest.mark.parametrize("command", sorted(cli.main.commands))
-def test_every_command_stands_in_the_readme_with_its_options(command):
-    shown = re.search(rf"<!-- help {command} -->\n```text\n(.*?)```", README, re.S)
-    assert shown, f"README.md has no help of {command}"
-    assert shown[1] == help_text(command), (
-        "README.md is behind the help text: run python tests/test_docs.py"
-    )
+    for command in cli.main.commands:
+        assert f"## strokestyle {command}\n" in made["page"]()
 
 
 def test_every_command_has_help_and_its_options_too():
@@ -67,17 +57,3 @@ def test_the_readme_runs_from_top_to_bottom(tmp_path):
             [sys.executable, "-c", block], cwd=tmp_path, env=env, capture_output=True, text=True
         )
         assert done.returncode == 0, f"{block}\n{done.stderr}"
-
-
-def rewrite_help():
-    text = README
-    for command in cli.main.commands:
-        shown = f"<!-- help {command} -->\n```text\n{help_text(command)}```"
-        text = re.sub(
-            rf"<!-- help {command} -->\n```text\n.*?```", lambda _, s=shown: s, text, flags=re.S
-        )
-    (ROOT / "README.md").write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    rewrite_help()

@@ -282,13 +282,17 @@ file_options = _options(
         help="A layer for each kind of line, in it one for each named part of the mesh; part: the other way round; "
         "none: strokes in painting order.  [default: kind]",
     ),
-    click.option("--decimals", type=click.IntRange(0, 6), help="Of the coordinates.  [default: 2]"),
-    click.option("--title", metavar="TEXT", help="Of the drawing.  [default: the shape's name]"),
-    click.option("--author", metavar="NAME", help="Told in the file's metadata."),
+    click.option(
+        "--decimals", type=click.IntRange(0, 6), help="Decimals of the coordinates.  [default: 2]"
+    ),
+    click.option(
+        "--title", metavar="TEXT", help="Title of the drawing.  [default: the shape's name]"
+    ),
+    click.option("--author", metavar="NAME", help="Author, told in the file's metadata."),
     click.option(
         "--license",
         metavar="NAME|URL",
-        help="Likewise: CC-BY-4.0, CC0-1.0 ..., a URL, or other words.",
+        help="Licence, likewise: CC-BY-4.0, CC0-1.0 ..., a URL, or other words.",
     ),
     click.option(
         "--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb."
