@@ -58,7 +58,7 @@ def fit_stages(drawing, preset):
     from strokestyle.fit import train as fitting
     from strokestyle.fit.exemplar import load_exemplar
 
-    fit_progress.BETWEEN = 0.0
+    fit_progress.REPORT_INTERVAL = 0.0
     view = example_view(SHAPE)
     exemplar, _ = load_exemplar(drawing, view.camera.width, view.camera.height, view.curves.xy)
     begin, stages, last = time.perf_counter(), {}, [time.perf_counter()]
@@ -203,7 +203,7 @@ def paper_steps(size):
     from strokestyle.fit import train as fitting
     from strokestyle.fit.exemplar import load_exemplar
 
-    fit_progress.BETWEEN, clock = 0.0, {"geometry": [], "texture": []}
+    fit_progress.REPORT_INTERVAL, clock = 0.0, {"geometry": [], "texture": []}
     view = example_view(SHAPE)
     drawing = EXAMPLES / "drawings" / "charcoal.png"
     exemplar, _ = load_exemplar(drawing, view.camera.width, view.camera.height, view.curves.xy)

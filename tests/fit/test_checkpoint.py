@@ -27,7 +27,7 @@ PAPER = replace(TINY, geometry_decay=2)  # 3 steps, then 2
 @pytest.fixture(autouse=True)
 def all_steps_are_told(monkeypatch):
     """Progress is told a few times a second; here at every step."""
-    monkeypatch.setattr(fit_progress, "BETWEEN", 0.0)
+    monkeypatch.setattr(fit_progress, "REPORT_INTERVAL", 0.0)
 
 
 def stop_at(stage, step):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -14,7 +14,7 @@ from ..drawing.strokes import Strokes
 from ..extract.view import View
 from ..render.config import HAIR, StyleConfig
 from ..render.devices import pick_device
-from ..render.displacement import Frame, displaced
+from ..render.displacement import Frame
 from ..render.features import plan, point_features, surface_at
 from ..render.networks import AdditiveNet
 from ..render.plan import Planned
@@ -24,14 +24,109 @@ from .checkpoint import Checkpoint
 from .config import FitConfig
 from .exemplar import Exemplar
 from .observe import Observation, measure_across, sample_image
-from .progress import Reporter
+from .progress import Report, Reporter
 from .texture import learn_texture
-from .trace import MaskPyramid, Traced, affordable_steps, optimise_strokes, tensors
+from .trace import MaskPyramid, StrokeTensors, Traced, affordable_steps, optimise_strokes
 
-STRAY_SIGMAS = (
-    7.0,
-    14.0,
-)  # px; straying across and in thickness is kept where it is faster than these Gaussians
+FEATURE_RANGE = 0.5, 99.5  # percentiles of the training strokes' features; what lies beyond is cut
+MIN_SPREAD = 1e-3  # of a feature: one that hardly varies is not blown up
+# px; a residual is kept where it is faster than these Gaussians, of offset and of log width
+RESIDUAL_SIGMAS = (7.0, 14.0)
+MIN_AGREEING, MIN_AGREEING_SHARE = 4, 0.4  # points of a stroke whose residuals are kept
+
+# The constants of the least squares and of the thickness curves were set by hand; no ablation of
+# them is kept.
+ROUNDS = 20  # of reweighting
+OUTLIER = 0.5  # px of misfit beyond which an observation counts by its distance, not its square
+MIN_DEFORMATION = 0.3  # px rms, below which a deformation is not scaled up to compare with others
+WIDTH_OUTLIER = 0.2  # of log width: the same for the thickness
+CURVE_DECAY = 1e-3  # weight of the curves' squared weights
+UNSEEN_THICKNESS = 3.0  # px (with HAIR) to begin with where nothing is known
+
+
+@dataclass(frozen=True)
+class FeatureScaling:
+    """Cut features to the range of the training strokes, centre and scale them.
+
+    Parameters
+    ----------
+    low, high, centre, spread : (P,) float64
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    centre: np.ndarray
+    spread: np.ndarray
+
+    @classmethod
+    def of(cls, raw: np.ndarray) -> FeatureScaling:
+        """Measure the range of features (N, P)."""
+        low, high = np.percentile(raw, FEATURE_RANGE, axis=0)
+        clipped = np.clip(raw, low, high)
+        return cls(low, high, clipped.mean(axis=0), np.maximum(clipped.std(axis=0), MIN_SPREAD))
+
+    def __call__(self, raw: np.ndarray) -> np.ndarray:
+        return (np.clip(raw, self.low, self.high) - self.centre) / self.spread
+
+
+@dataclass(frozen=True)
+class TrainingStrokes:
+    """The strokes that a style would lay over the exemplar's curves, ready to learn from.
+
+    Parameters
+    ----------
+    config : the style's
+    planned : strokes on the curves
+    tensors : the same for the optimiser
+    features : (N, P) float32, normalised by `scaling`
+    scaling : of the features
+    """
+
+    config: StyleConfig
+    planned: Planned
+    tensors: StrokeTensors
+    features: Tensor
+    scaling: FeatureScaling
+
+    @classmethod
+    def of(cls, view: View, config: StyleConfig, device: torch.device) -> TrainingStrokes:
+        """Plan the strokes of a view. Raises ValueError where there are none."""
+        planned = plan(view, config)
+        if not len(planned):
+            raise ValueError(
+                "no curves in this view are long enough to draw: nothing to learn from"
+            )
+        surface = planned.carry(surface_at(view, config.spacing))
+        raw = point_features(planned, surface, config)
+        scaling = FeatureScaling.of(raw)
+        features = torch.tensor(scaling(raw), dtype=torch.float32, device=device)
+        tensors = StrokeTensors.of(Frame.of(planned, surface, config.spacing), device)
+        return cls(config, planned, tensors, features, scaling)
+
+    def measured(self, mask: np.ndarray) -> Observation:
+        """Measure a mask (H, W) across the strokes."""
+        return measure_across(mask, self.planned, self.tensors.normals.double().cpu().numpy())
+
+
+@dataclass(frozen=True)
+class StrokeLaw:
+    """How strokes differ from their curves.
+
+    Parameters
+    ----------
+    displacement : (M,) float32, how much of each of DEFORMATIONS
+    thickness : features -> log(thickness + HAIR)
+    """
+
+    displacement: Tensor
+    thickness: AdditiveNet
+
+    def __call__(self, training: TrainingStrokes) -> Traced:
+        """Draw the training strokes by the law."""
+        with torch.no_grad():
+            return Traced(
+                training.tensors.displaced(self.displacement), self.thickness(training.features)
+            )
 
 
 def fit_quick(
@@ -44,111 +139,105 @@ def fit_quick(
     checkpoint: Checkpoint | None = None,
     until: float | None = None,
 ) -> tuple[Style, Strokes]:
-    """The style of a drawing, and the drawing's own strokes as they were traced; `fit` says what the arguments mean."""
-    device, report, checkpoint = (
-        device or pick_device("cpu"),
-        report or Reporter(None, 1),
-        checkpoint or Checkpoint(),
-    )
+    """Learn the style of a drawing, and return it with the drawing's own strokes as traced.
+
+    `fit_style` says what the arguments mean; `until`, on the clock of time.monotonic(), is when
+    the fit is to be over. Raises ValueError where there are no strokes to learn from.
+    """
+    device, checkpoint = device or pick_device("cpu"), checkpoint or Checkpoint()
+    report = report or Reporter(None, 1)
     style_config = replace(config.style, size=max(exemplar.mask.shape))
-    planned = plan(view, style_config)
-    if not len(planned):
-        raise ValueError("no curves in this view are long enough to draw: nothing to learn from")
-    surface = planned.carry(surface_at(view, style_config.spacing))
-    raw = point_features(planned, surface, style_config)
-    low, high = np.percentile(raw, [0.5, 99.5], axis=0)
-    clipped = np.clip(raw, low, high)
-    centre, spread = clipped.mean(axis=0), np.maximum(clipped.std(axis=0), 1e-3)
-    features = torch.tensor((clipped - centre) / spread, dtype=torch.float32, device=device)
-    frame = tensors(Frame.of(planned, surface, style_config.spacing), device)
-    guess = measure_across(exemplar.mask, planned, frame)
-    moves = learn_displacement(frame, guess)
-    network = learn_thickness(features, guess, config, style_config, seed, report)
-    target = MaskPyramid.of(exemplar.mask, planned.xy, config.levels, device)
-    with torch.no_grad():
-        meant, swell = displaced(frame, moves), network(features)
-        swell[~frame.within] = float(
-            np.log(HAIR)
-        )  # strokes may grow past their ends, where the drawing has it
-
-    def affordable() -> int:
-        return (
-            config.trace_steps
-            if until is None
-            else affordable_steps(frame, meant, swell, target, config, until)
-        )
-
-    config = replace(config, trace_steps=checkpoint.chosen("trace_steps", affordable))
-    report.total = 2 * config.steps + config.trace_steps
-    traced = optimise_strokes(frame, meant, swell, target, config, report, checkpoint)
-    found, sure = traced.guess(frame, guess, sample_image(exemplar.mask, planned.xy))
-    moves = learn_displacement(frame, found)
-    network = learn_thickness(features, found, config, style_config, seed, report)
-    with torch.no_grad():
-        hand = _residuals(
-            frame,
-            planned,
-            traced,
-            sure,
-            displaced(frame, moves),
-            network(features),
-            config.stray,
-            style_config.spacing,
-        )
-    style = Style(
-        config=style_config,
-        network=SumOfCurves(
-            **{name: value.cpu().numpy() for name, value in network.state_dict().items()}
-        ),
-        moves=moves.cpu().numpy(),
-        centre=centre,
-        spread=spread,
-        low=low,
-        high=high,
-        hand=hand,
-        color=_flat_ink(exemplar),
-    )
-    strokes, rows = traced.strokes(planned)
+    training = TrainingStrokes.of(view, style_config, device)
+    measured = training.measured(exemplar.mask)
+    # The law is learned twice. What is measured across the strokes is wrong where lines crowd, but
+    # its law is a start from which the trace finds the right line; the law that is kept is
+    # learned from the traced strokes.
+    rough_law = learn_law(training, measured, config, seed, report)
+    traced = _trace(training, rough_law, exemplar.mask, config, report, checkpoint, until)
+    ink = sample_image(exemplar.mask, training.planned.xy)
+    found, agrees = traced.observed(training.tensors, measured, ink)
+    law = learn_law(training, found, config, seed, report)
+    residuals = None
+    if config.residuals > 0:
+        off = config.residuals * _residuals(training, law, traced)
+        residuals = learn_residuals(off, training.planned, agrees, style_config.spacing)
+    style = _style(training, law, residuals, exemplar)
+    strokes, rows = traced.strokes(training.planned)
     if config.texture and len(strokes):
         report("texture", 0, 1, {})
-        bank = learn_texture(strokes, features.double().cpu().numpy()[rows], exemplar, seed)
+        features = training.features.double().cpu().numpy()[rows]
+        style = replace(style, bank=learn_texture(strokes, features, exemplar, seed))
         report("texture", 1, 1, {})
-        style = replace(style, bank=bank)
     return style, strokes
 
 
-def learn_displacement(frame: Frame, guess: Observation, ridge: float = 1e-2) -> Tensor:
-    """How much of each of MOVES explains the offsets best: least squares, what strays far counting less."""
-    moved = (frame.moves * frame.across[:, None]).sum(2).double().cpu().numpy()  # (N, M)
-    scale = np.maximum(np.sqrt((moved**2).mean(axis=0)), 0.3)
-    design, weight, answer = moved / scale, guess.trust, np.zeros(moved.shape[1])
-    for _ in range(20):
-        w = guess.trust / np.maximum(np.abs(design @ answer - guess.offset), 0.5)
-        normal = (design * w[:, None]).T @ design + ridge * max(weight.sum(), 1.0) * np.eye(
-            len(answer)
-        )
-        answer = np.linalg.solve(normal, (design * w[:, None]).T @ guess.offset)
-    return torch.tensor(answer / scale, dtype=torch.float32, device=frame.xy.device)
+def learn_law(
+    training: TrainingStrokes,
+    observed: Observation,
+    config: FitConfig,
+    seed: int,
+    report: Report,
+) -> StrokeLaw:
+    """Learn displacement and thickness from where a drawing has the training strokes."""
+    weights = learn_displacement(training.tensors.deformations_across(), observed)
+    displacement = torch.tensor(weights, dtype=torch.float32, device=training.features.device)
+    network = learn_thickness(
+        training.features, observed, config, training.config.hidden, seed, report
+    )
+    return StrokeLaw(displacement, network)
+
+
+def learn_displacement(basis: np.ndarray, observed: Observation, ridge: float = 1e-2) -> np.ndarray:
+    """Find how much of each deformation explains the offsets best: (M,) float64.
+
+    Least squares with a ridge, reweighted so that what lies far off counts by its distance only.
+
+    Parameters
+    ----------
+    basis : (N, M) px, each deformation at full strength, along the normals
+    observed : its offsets, weighed by its confidence
+    ridge : of the summed confidence, on the weights in units of the deformations' rms
+    """
+    scale = np.maximum(np.sqrt((basis**2).mean(axis=0)), MIN_DEFORMATION)
+    design, answer = basis / scale, np.zeros(basis.shape[1])
+    penalty = ridge * max(observed.confidence.sum(), 1.0) * np.eye(len(answer))
+    for _ in range(ROUNDS):
+        misfit = np.abs(design @ answer - observed.offset)
+        weighted = design * (observed.confidence / np.maximum(misfit, OUTLIER))[:, None]
+        answer = np.linalg.solve(weighted.T @ design + penalty, weighted.T @ observed.offset)
+    return answer / scale
 
 
 def learn_thickness(
     features: Tensor,
-    guess: Observation,
+    observed: Observation,
     config: FitConfig,
-    style: StyleConfig,
+    hidden: int,
     seed: int,
-    report: Reporter,
+    report: Report,
 ) -> AdditiveNet:
-    """The sparse sum of curves that explains the thickness best."""
+    """Learn the sparse sum of curves that explains the thickness best.
+
+    Parameters
+    ----------
+    features : (N, P) float32, normalised
+    observed : its thickness, weighed by its confidence
+    config : its `steps`, `rate` and `sparsity` are used
+    hidden : units of each feature's curve
+    seed : of the curves' first weights
+    report : told of every step, as "thickness"
+    """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        network = AdditiveNet(features.shape[1], style.hidden)
-    trust = features.new_tensor(guess.trust)
-    swell = features.new_tensor(np.log(np.maximum(guess.thickness, 0.0) + HAIR))
-    known = float(trust.sum())
+        network = AdditiveNet(features.shape[1], hidden)
+    confidence = features.new_tensor(observed.confidence)
+    log_width = features.new_tensor(np.log(np.maximum(observed.thickness, 0.0) + HAIR))
+    known = float(confidence.sum())
     network = network.to(features.device)
     network.base.data = (
-        (trust * swell).sum() / known if known > 0 else features.new_tensor(np.log(3.0))
+        (confidence * log_width).sum() / known
+        if known > 0
+        else features.new_tensor(np.log(UNSEEN_THICKNESS))
     )
     optimiser = torch.optim.Adam(network.parameters(), lr=config.rate)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
@@ -156,9 +245,10 @@ def learn_thickness(
     )
     for step in range(config.steps):
         optimiser.zero_grad(set_to_none=True)
-        error = F.smooth_l1_loss(network(features), swell, reduction="none", beta=0.2)
-        error = (trust * error).sum() / max(known, 1.0)
-        loss = error + config.sparsity * network.penalty() + 1e-3 * network.weight.square().sum()
+        error = F.smooth_l1_loss(network(features), log_width, reduction="none", beta=WIDTH_OUTLIER)
+        error = (confidence * error).sum() / max(known, 1.0)
+        loss = error + config.sparsity * network.penalty()
+        loss = loss + CURVE_DECAY * network.weight.square().sum()
         loss.backward()
         optimiser.step()
         schedule.step()
@@ -166,41 +256,96 @@ def learn_thickness(
     return network
 
 
-def _residuals(
-    frame: Frame,
-    planned: Planned,
-    traced: Traced,
-    sure: np.ndarray,
-    meant: Tensor,
-    swell: Tensor,
-    amount: float,
-    spacing: float,
+def _trace(
+    training: TrainingStrokes,
+    law: StrokeLaw,
+    mask: np.ndarray,
+    config: FitConfig,
+    report: Reporter,
+    checkpoint: Checkpoint,
+    until: float | None,
+) -> Traced:
+    """Trace the drawing's strokes, beginning where the law has them, in as many steps as fit."""
+    strokes = training.tensors
+    target = MaskPyramid.of(mask, training.planned.xy, config.levels, strokes.xy.device)
+    start = law(training)
+    # past their ends strokes begin without width, and grow where the drawing has ink
+    start.log_width[~strokes.on_curve] = float(np.log(HAIR))
+
+    def affordable() -> int:
+        if until is None:
+            return config.trace_steps
+        return affordable_steps(strokes, start, target, config, until)
+
+    steps = int(checkpoint.chosen("trace_steps", affordable))
+    config = replace(config, trace_steps=steps)
+    report.total = 2 * config.steps + config.trace_steps
+    return optimise_strokes(strokes, start, target, config, report, checkpoint)
+
+
+def _residuals(training: TrainingStrokes, law: StrokeLaw, traced: Traced) -> np.ndarray:
+    """What the traced strokes do beside the law, (N, 2): px across, and log width."""
+    meant = law(training)
+    with torch.no_grad():
+        across = training.tensors.across(traced.xy - meant.xy)
+        off = torch.stack([across, traced.log_width - meant.log_width], dim=1)
+        return off.double().cpu().numpy()
+
+
+def learn_residuals(
+    off: np.ndarray, planned: Planned, agrees: np.ndarray, spacing: float
 ) -> Residuals | None:
-    """What the traced strokes do that the style did not mean, within the curves; bridged where they are not sure."""
-    across = ((traced.xy - meant) * frame.across).sum(1)
-    stray = amount * torch.stack([across, traced.swell - swell], dim=1).double().cpu().numpy()
+    """Cut what strokes do beside the law into sequences to draw with; None where there are none.
+
+    A sequence runs from the first to the last point of a stroke that is sure, and is bridged
+    between. Slow residuals are taken out: they cannot be told from what the law failed to learn,
+    and would only spoil the shape.
+
+    Parameters
+    ----------
+    off : (N, 2) float64, px across, and log width
+    planned : the strokes; what lies past their ends is left out
+    agrees : (N,) bool, where `off` is sure
+    spacing : px between points
+    """
     pieces = []
     for a, b in zip(planned.offsets[:-1], planned.offsets[1:], strict=True):
         inner = np.flatnonzero(planned.beyond[a:b] == 0) + a
-        known = inner[sure[inner]]
-        if len(known) >= max(4, 0.4 * len(inner)):
-            inner = inner[(inner >= known[0]) & (inner <= known[-1])]
-            piece = np.stack([np.interp(inner, known, stray[known, k]) for k in (0, 1)], axis=1)
-            # slow straying cannot be told from what this style failed to learn, and would only spoil the shape
-            for k, sigma in enumerate(STRAY_SIGMAS):
-                piece[:, k] -= ndimage.gaussian_filter1d(
-                    piece[:, k], sigma / spacing, mode="nearest"
-                )
-            pieces.append(piece)
-    if amount == 0 or not pieces:
+        known = inner[agrees[inner]]
+        if len(known) < max(MIN_AGREEING, MIN_AGREEING_SHARE * len(inner)):
+            continue
+        inner = inner[(inner >= known[0]) & (inner <= known[-1])]
+        piece = np.stack([np.interp(inner, known, off[known, k]) for k in (0, 1)], axis=1)
+        for k, sigma in enumerate(RESIDUAL_SIGMAS):
+            piece[:, k] -= ndimage.gaussian_filter1d(piece[:, k], sigma / spacing, mode="nearest")
+        pieces.append(piece)
+    if not pieces:
         return None
     return Residuals(
         np.concatenate(pieces).astype(np.float32), np.r_[0, np.cumsum([len(p) for p in pieces])]
     )
 
 
+def _style(
+    training: TrainingStrokes, law: StrokeLaw, residuals: Residuals | None, exemplar: Exemplar
+) -> Style:
+    """Put what was learned together: a style of flat ink."""
+    curves = {name: value.cpu().numpy() for name, value in law.thickness.state_dict().items()}
+    return Style(
+        config=training.config,
+        network=SumOfCurves(**curves),
+        moves=law.displacement.cpu().numpy(),
+        centre=training.scaling.centre,
+        spread=training.scaling.spread,
+        low=training.scaling.low,
+        high=training.scaling.high,
+        hand=residuals,
+        color=_flat_ink(exemplar),
+    )
+
+
 def _flat_ink(exemplar: Exemplar) -> np.ndarray:
-    """The ink of a flat drawing: mean colour and opacity where the mask holds ink."""
+    """The ink of a flat drawing: mean colour and opacity (4,) where the mask holds ink."""
     weight = exemplar.mask * exemplar.alpha
     total = max(float(weight.sum()), 1e-6)
     rgb = (exemplar.ink * weight[..., None]).sum(axis=(0, 1)) / total

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import time
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -25,6 +24,7 @@ from ..render.neural_strokes import (
 )
 from .checkpoint import Checkpoint
 from .exemplar import Exemplar
+from .progress import Reporter
 
 SPENT = 0.95  # of a budget goes into steps; the rest is for what they are not: checkpoints, writing
 CENTRE = 30 / 64  # of a patch's side: where it must hold a stroke pixel (the code)
@@ -61,21 +61,13 @@ class NeuralStrokesConfig:
     schedule: float = 1.0
 
 
-class Report(Protocol):
-    """Called with stage, step, steps and losses; `total` steps are to come, for a guess of the time left."""
-
-    total: int
-
-    def __call__(self, stage: str, step: int, steps: int, losses: dict) -> None: ...
-
-
 def fit_neural_strokes(
     view: View,
     exemplar: Exemplar,
     config: NeuralStrokesConfig,
     seed: int,
     device: torch.device,
-    report: Report,
+    report: Reporter,
     about: dict,
     checkpoint: Checkpoint,
     until: float | None = None,

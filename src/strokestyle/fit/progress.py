@@ -1,18 +1,29 @@
-"""Tell how far a fit is."""
+"""Report how far a fit is, and guess the time it still takes."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import torch
 
-BETWEEN = 0.2  # s, two calls of the progress callback
+REPORT_INTERVAL = 0.2  # s between two calls of the user's callback
+
+# What a training loop calls after each step: stage, step, steps of that stage, losses by name
+Report = Callable[[str, int, int, Mapping[str, "torch.Tensor | float"]], None]
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a fit stands: `step` of `steps` of a stage, its latest losses, and a guess of the seconds left in all."""
+    """Where a fit stands.
+
+    Parameters
+    ----------
+    stage, step, steps : `step` of `steps` of the stage are done
+    losses : the latest, by name
+    seconds_left : a guess for all that is left of the fit; None before the first step
+    """
 
     stage: str
     step: int
@@ -22,21 +33,29 @@ class Progress:
 
 
 class Reporter:
-    """Calls the user's callback a few times a second, with a guess of the time left."""
+    """Calls the user's callback a few times a second, with a guess of the time left.
 
-    def __init__(self, callback, total: int):
+    Parameters
+    ----------
+    callback : called with a Progress; None = nobody listens
+    total : steps of all stages together; may be set again once it is known better
+    """
+
+    def __init__(self, callback: Callable[[Progress], None] | None, total: int):
         self.callback, self.total = callback, total
         self.start = self.last = time.monotonic()
         self.passed, self.stage = 0, ""
 
-    def __call__(self, stage: str, step: int, steps: int, losses: dict) -> None:
+    def __call__(
+        self, stage: str, step: int, steps: int, losses: Mapping[str, torch.Tensor | float]
+    ) -> None:
         if self.callback is None:
             return
         if stage != self.stage and step > 1:  # the first steps were done before an interruption
             self.passed, self.total = self.passed - (step - 1), self.total - (step - 1)
         self.stage = stage
         now = time.monotonic()
-        if step < steps and now - self.last < BETWEEN:
+        if step < steps and now - self.last < REPORT_INTERVAL:
             return
         self.last = now
         if step >= steps:
