@@ -1,8 +1,9 @@
 """Edits of a drawing: each takes a Drawing and gives another, and the texture follows the strokes.
 
-The paper's figure of edits: thickness rescaled, wiggliness added, control points moved. `only` (C,) bool, of every
-function that has it, says which strokes are meant; None: all. A stroke that an edit leaves as it is stays so to the
-last bit.
+The paper's figure of edits: thickness rescaled, wiggliness added, control points moved. `only`
+(C,) bool, of every function that has it, says which strokes are meant; None: all. A stroke that an
+edit leaves as it is stays so to the last bit. Every edit raises ValueError, by the name of the
+argument, where a number is out of its range.
 """
 
 from __future__ import annotations
@@ -12,38 +13,57 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.curves import arc_length, blurred, counting, take_ragged, tangents
+from ..geometry.curves import arc, blurred, counting, take_ragged, tangents
 from ..geometry.curves import simplify as kept_points
 from ..geometry.parts import Pieces
 from .strip import carried_strip, strip_columns, strip_of_piece, wider
 from .strokes import Drawing, Strokes, Texture
 
 STEP = 3.0  # px between the points of a line that is drawn anew
-SHARP = 50.0  # degrees; where a simplified line turns by more, it keeps its corner
+CORNER = 50.0  # degrees; where a simplified line turns by more, it keeps its corner
 MAX_LENGTH = 1_000_000  # px of a stroke's length that edits resample
+EVEN_INK = 3.0  # of 255: a colour that varies by less, root mean square, is one colour
 
 
 @dataclass(frozen=True)
-class Reshaped:
-    """A stroke after an edit: xy (n, 2), thickness (n,), and which point of the old stroke each point was, (n,) float:
-    2.5 lies half-way between points 2 and 3. It rises."""
+class _Line:
+    """A stroke that is being edited.
 
+    Parameters
+    ----------
+    index : of the stroke
+    xy : (n, 2) px
+    thickness : (n,) px
+    was : (n,) float, which point of the old stroke each point is: 2.5 lies half-way between points
+        2 and 3; it rises
+    closed : bool
+    """
+
+    index: int
     xy: np.ndarray
     thickness: np.ndarray
     was: np.ndarray
+    closed: bool
+
+    def moved(self, xy: np.ndarray) -> _Line:
+        """The line with its points at `xy` (n, 2), a closed one still closed."""
+        if self.closed:
+            xy[-1] = xy[0]
+        return replace(self, xy=xy)
 
 
-# -------------------------------------------------------------------------------------------------------- the edits
+_Edit = Callable[[_Line], "_Line | None"]  # None: the stroke stays as it is
+
+
+# ----------------------------------------------------------------------------------- the edits
 
 
 def thicken(drawing: Drawing, factor: float, only: np.ndarray | None = None) -> Drawing:
-    """Every thickness multiplied by `factor`."""
+    """Multiply every thickness by `factor`."""
     check_range("factor", factor, 0.0, 1000.0)
     if factor == 1.0:
         return drawing
-    return _reshape(
-        drawing, lambda line: Reshaped(line.xy, line.thickness * factor, line.was), only
-    )
+    return _reshape(drawing, lambda line: replace(line, thickness=line.thickness * factor), only)
 
 
 def wiggle(
@@ -53,7 +73,7 @@ def wiggle(
     seed: int = 0,
     only: np.ndarray | None = None,
 ) -> Drawing:
-    """Points displaced across their stroke by smooth noise; the ends of an open stroke stay where they are.
+    """Displace points across their stroke by smooth noise; the ends of an open stroke stay.
 
     Parameters
     ----------
@@ -66,59 +86,54 @@ def wiggle(
     if amplitude == 0.0:
         return drawing
 
-    def edit(line):
-        line = _evenly(line, min(STEP, wavelength / 8))
-        s = arc_length(line.xy, np.array([0, len(line.xy)]))
-        noise = _noise(s, wavelength, line.closed, seed, line.index)
-        if (
-            not line.closed
-        ):  # nothing at the ends, in full from a third of the way between crests on
-            rise = np.clip(np.minimum(s, s[-1] - s) / min(wavelength / 3, s[-1] / 2), 0, 1)
-            noise *= rise * rise * (3 - 2 * rise)
-        t = tangents(
-            _smoothed(line.xy, s, wavelength / 8, line.closed), *_one(line.xy, line.closed)
-        )
-        xy = line.xy + amplitude * noise[:, None] * np.stack([-t[:, 1], t[:, 0]], axis=1)
-        return Reshaped(_shut(xy, line.closed), line.thickness, line.was)
+    def edit(line: _Line) -> _Line:
+        line = _densified(line, min(STEP, wavelength / 8))
+        s = arc(line.xy)
+        noise = _noise(s, wavelength, line, seed)
+        if not line.closed:  # nothing at the ends, in full from a third of a wave on
+            from_end = np.minimum(s, s[-1] - s)
+            noise *= _smoothstep(np.clip(from_end / min(wavelength / 3, s[-1] / 2), 0, 1))
+        course = _smoothed(line.xy, s, wavelength / 8, line.closed)
+        t = tangents(course, np.array([0, len(s)]), np.array([line.closed]))
+        normal = np.stack([-t[:, 1], t[:, 0]], axis=1)
+        return line.moved(line.xy + amplitude * noise[:, None] * normal)
 
     return _reshape(drawing, edit, only)
 
 
 def smooth(drawing: Drawing, sigma: float, only: np.ndarray | None = None) -> Drawing:
-    """Lines smoothed by a Gaussian of `sigma` px along them; the ends of an open stroke stay where they are."""
+    """Smooth lines by a Gaussian of `sigma` px along them; the ends of an open stroke stay."""
     check_range("sigma", sigma, 0.0, 1e4)
     if sigma == 0.0:
         return drawing
 
-    def edit(line):
-        line = _evenly(line, min(STEP, max(sigma / 2, 0.25)))
-        s = arc_length(line.xy, np.array([0, len(line.xy)]))
-        return Reshaped(
-            _shut(_smoothed(line.xy, s, sigma, line.closed), line.closed), line.thickness, line.was
-        )
+    def edit(line: _Line) -> _Line:
+        line = _densified(line, min(STEP, max(sigma / 2, 0.25)))
+        return line.moved(_smoothed(line.xy, arc(line.xy), sigma, line.closed))
 
     return _reshape(drawing, edit, only)
 
 
 def simplify(drawing: Drawing, tolerance: float, only: np.ndarray | None = None) -> Drawing:
-    """Lines drawn through as few of their points as keep them within `tolerance` px, curved between these.
+    """Draw lines through as few of their points as keep them within `tolerance` px.
 
-    They pass through the points of Ramer-Douglas-Peucker as a centripetal Catmull-Rom spline, with corners where the
-    line turns by more than SHARP.
+    Those are the points of Ramer-Douglas-Peucker; between them the lines are centripetal
+    Catmull-Rom splines, with corners where they turn by more than CORNER.
     """
     check_range("tolerance", tolerance, 0.0, 1e4)
     if tolerance == 0.0:
         return drawing
 
-    def edit(line):
-        keep = kept_points(line.xy, tolerance)
-        if line.closed and len(keep) < 4:  # a ring keeps its inside
-            keep = np.unique(np.r_[0, len(line.xy) // 3, 2 * len(line.xy) // 3, len(line.xy) - 1])
-        curve, place = _through(line.xy[keep], line.closed)
-        along = np.interp(place, np.arange(len(keep)), keep)
-        width = np.interp(along, np.arange(len(line.xy)), line.thickness)
-        was = np.interp(along, np.arange(len(line.xy)), line.was)
-        return Reshaped(_shut(curve, line.closed), width, was)
+    def edit(line: _Line) -> _Line:
+        kept, last = kept_points(line.xy, tolerance), len(line.xy) - 1
+        if line.closed and len(kept) < 4:  # a ring keeps its inside
+            kept = np.unique(np.r_[0, (last + 1) // 3, 2 * (last + 1) // 3, last])
+        curve, place = _catmull_rom(line.xy[kept], line.closed)
+        along = np.interp(place, np.arange(len(kept)), kept)
+        thickness, was = (
+            np.interp(along, np.arange(last + 1), field) for field in (line.thickness, line.was)
+        )
+        return _Line(line.index, curve, thickness, was, line.closed).moved(curve)
 
     return _reshape(drawing, edit, only)
 
@@ -126,14 +141,15 @@ def simplify(drawing: Drawing, tolerance: float, only: np.ndarray | None = None)
 def move(
     drawing: Drawing, stroke: int, point: float, by: tuple[float, float], reach: float | None = None
 ) -> Drawing:
-    """A point of a stroke moved, and its neighbours with it, less the farther along the stroke they are.
+    """Move a point of a stroke, and its neighbours less the farther along the stroke they are.
 
     Parameters
     ----------
     stroke : index of the stroke
     point : where, as the share of the stroke's length: 0 its beginning, 1 its end
     by : px
-    reach : px of arc length at which nothing moves any more; None: half the stroke's length, or as far as it is moved
+    reach : px of arc length at which nothing moves any more; None: half the stroke's length, or as
+        far as the point is moved
 
     Raises
     ------
@@ -148,33 +164,32 @@ def move(
     if tuple(by) == (0.0, 0.0):
         return drawing
 
-    def edit(line):
-        line = _evenly(line, STEP)
-        s = arc_length(line.xy, np.array([0, len(line.xy)]))
+    def edit(line: _Line) -> _Line:
+        line = _densified(line, STEP)
+        s = arc(line.xy)
         far = max(0.5 * s[-1], float(np.hypot(*by))) if reach is None else reach
         away = np.abs(s - point * s[-1])
         if line.closed:
             far, away = min(far, 0.5 * s[-1]), np.minimum(away, s[-1] - away)
-        near = np.clip(1 - away / max(far, 1e-9), 0, 1)
-        moved = line.xy + (near * near * (3 - 2 * near))[:, None] * np.asarray(by, np.float64)
-        return Reshaped(_shut(moved, line.closed), line.thickness, line.was)
+        share = _smoothstep(np.clip(1 - away / max(far, 1e-9), 0, 1))
+        return line.moved(line.xy + share[:, None] * np.asarray(by, np.float64))
 
     return _reshape(drawing, edit, np.arange(len(drawing.strokes)) == stroke)
 
 
 def taper(drawing: Drawing, length: float, only: np.ndarray | None = None) -> Drawing:
-    """Open strokes brought to a point over `length` px from either end, or half the stroke where it is shorter."""
+    """Bring open strokes to a point over `length` px from either end, or over half the stroke."""
     check_range("length", length, 0.0, 1e5)
     if length == 0.0:
         return drawing
 
-    def edit(line):
+    def edit(line: _Line) -> _Line | None:
         if line.closed:
             return None
-        line = _evenly(line, STEP)
-        s = arc_length(line.xy, np.array([0, len(line.xy)]))
+        line = _densified(line, STEP)
+        s = arc(line.xy)
         rise = np.clip(np.minimum(s, s[-1] - s) / max(min(length, 0.5 * s[-1]), 1e-9), 0, 1)
-        return Reshaped(line.xy, line.thickness * np.sin(0.5 * np.pi * rise), line.was)
+        return replace(line, thickness=line.thickness * np.sin(0.5 * np.pi * rise))
 
     return _reshape(drawing, edit, only)
 
@@ -182,57 +197,60 @@ def taper(drawing: Drawing, length: float, only: np.ndarray | None = None) -> Dr
 def recolor(
     drawing: Drawing, color: tuple[float, float, float], only: np.ndarray | None = None
 ) -> Drawing:
-    """The ink's colour changed to `color`, (r, g, b) in [0, 1], in texture too; opacity stays.
+    """Change the ink's colour to `color`, (r, g, b) in [0, 1], in texture too; opacity stays.
 
     An ink that varies goes on varying by as much, about the new colour.
     """
     only = np.ones(len(drawing.strokes), bool) if only is None else only
-    color = np.asarray(color, np.float64)
+    wanted = np.asarray(color, np.float64)
     ink = drawing.color.copy()
-    ink[only, :3] = color
+    ink[only, :3] = wanted
     texture = drawing.texture
     if texture is not None:
         rgba = texture.rgba.copy()
         for i in np.flatnonzero(only).tolist():
             rows = slice(texture.offsets[i], texture.offsets[i + 1])
-            strip = rgba[rows].astype(np.float64)
-            weight = strip[..., 3:].sum()
-            mean = (strip[..., :3] * strip[..., 3:]).sum(axis=(0, 1)) / max(weight, 1.0)
-            even = (
-                np.square((strip[..., :3] - mean) * strip[..., 3:] / 255).sum() < 9.0 * weight / 255
-            )
-            shift = 0.0 if even else strip[..., :3] - mean
-            rgba[rows, :, :3] = np.rint(np.clip(255 * color + shift, 0, 255))
+            rgba[rows, :, :3] = _recoloured(rgba[rows].astype(np.float64), wanted)
         texture = Texture(rgba, texture.offsets, texture.margin)
     return replace(drawing, color=ink, texture=texture)
 
 
+def _recoloured(strip: np.ndarray, color: np.ndarray) -> np.ndarray:
+    """Colours (n, A, 3) in 0..255 of a strip (n, A, 4) moved so that `color` is their mean."""
+    rgb, alpha = strip[..., :3], strip[..., 3:]
+    weight = alpha.sum()
+    apart = rgb - (rgb * alpha).sum(axis=(0, 1)) / max(weight, 1.0)
+    even = np.square(apart * alpha / 255).sum() < EVEN_INK**2 * weight / 255
+    return np.rint(np.clip(255 * color + (0.0 if even else apart), 0, 255))
+
+
 def cut_at_parts(drawing: Drawing, pieces: Pieces) -> Drawing:
-    """Strokes cut into pieces, each of one part of the shape; it looks as if they were whole."""
+    """Cut strokes into pieces, each of one part of the shape; it looks as if they were whole."""
     old, of, texture = drawing.strokes, pieces.line, drawing.texture
-    xy, thickness = old.xy[pieces.rows], old.thickness[pieces.rows]
-    strokes = Strokes(xy, thickness, pieces.offsets, old.kind[of], old.closed[of] & pieces.whole)
+    strokes = Strokes(
+        old.xy[pieces.rows],
+        old.thickness[pieces.rows],
+        pieces.offsets,
+        old.kind[of],
+        old.closed[of] & pieces.whole,
+    )
     if texture is not None and not pieces.whole.all():
-        ends = (
-            pieces.rows[np.stack([pieces.offsets[:-1], pieces.offsets[1:] - 1], axis=1)]
-            - old.offsets[of, None]
-        )
+        ends = pieces.rows[np.stack([pieces.offsets[:-1], pieces.offsets[1:] - 1], axis=1)]
+        ends -= old.offsets[of, None]
         strips = [
-            texture.rgba[texture.offsets[i] : texture.offsets[i + 1]]
+            texture.strip(i)
             if pieces.whole[k]
-            else strip_of_piece(drawing, i, strokes, k, *ends[k].tolist())
+            else strip_of_piece(old, texture, i, strokes, k, *ends[k].tolist())
             for k, i in enumerate(of.tolist())
         ]
-        texture = Texture(
-            np.concatenate(strips), np.cumsum([0] + [len(s) for s in strips]), texture.margin[of]
-        )
+        texture = _stacked(strips, texture.margin[of])
     return replace(
         drawing, strokes=strokes, color=drawing.color[of], texture=texture, parts=pieces.parts
     )
 
 
 def keep(drawing: Drawing, index: np.ndarray) -> Drawing:
-    """Only the strokes of an index or mask over C."""
+    """Keep only the strokes of an index, or of a mask (C,)."""
     strokes, texture = drawing.strokes, drawing.texture
     index = np.arange(len(strokes))[np.asarray(index)]
     rows, offsets = take_ragged(strokes.offsets, index)
@@ -250,38 +268,22 @@ def keep(drawing: Drawing, index: np.ndarray) -> Drawing:
     return replace(drawing, strokes=kept, color=drawing.color[index], texture=texture, parts=parts)
 
 
-# ------------------------------------------------------------------------------------------------------ lines, anew
-
-
-@dataclass(frozen=True)
-class _Line:
-    """A stroke that is being edited; `was` as in Reshaped."""
-
-    index: int
-    xy: np.ndarray
-    thickness: np.ndarray
-    was: np.ndarray
-    closed: bool
-
-
 def check_range(what: str, value: float, low: float, high: float) -> None:
+    """Raise ValueError, by the name `what`, where a value does not lie in [low, high]."""
     if not low <= value <= high:
         raise ValueError(f"{what} must lie between {low:g} and {high:g}, got {value:g}")
 
 
-def _one(xy, closed):
-    """Offsets and `closed` of a single curve."""
-    return np.array([0, len(xy)]), np.array([closed])
+# --------------------------------------------------------------------------------- lines, anew
 
 
-def _shut(xy, closed):
-    if closed:
-        xy[-1] = xy[0]
-    return xy
+def _smoothstep(x: np.ndarray) -> np.ndarray:
+    """3 x^2 - 2 x^3: from 0 to 1, level at both."""
+    return x * x * (3 - 2 * x)
 
 
-def _evenly(line: _Line, spacing: float) -> _Line:
-    """The line with points added so that none are farther apart than `spacing`; its own points stay."""
+def _densified(line: _Line, spacing: float) -> _Line:
+    """The line with points added so that none are more than `spacing` apart; its own stay."""
     step = np.hypot(*np.diff(line.xy, axis=0).T)
     if step.sum() > MAX_LENGTH:
         raise ValueError(f"a stroke {step.sum():.3g} px long is too long to be edited")
@@ -289,18 +291,14 @@ def _evenly(line: _Line, spacing: float) -> _Line:
     k = np.repeat(np.arange(len(step)), pieces)
     at = np.r_[k + counting(pieces) / pieces[k], len(step)]
     index = np.arange(len(line.xy))
-    xy = np.stack([np.interp(at, index, column) for column in line.xy.T], axis=1)
-    return _Line(
-        line.index,
-        xy,
-        np.interp(at, index, line.thickness),
-        np.interp(at, index, line.was),
-        line.closed,
+    x, y, thickness, was = (
+        np.interp(at, index, field) for field in (*line.xy.T, line.thickness, line.was)
     )
+    return _Line(line.index, np.stack([x, y], axis=1), thickness, was, line.closed)
 
 
-def _smoothed(xy, s, sigma, closed):
-    """Points (n, 2) at arc lengths s, smoothed by a Gaussian of sigma px; open lines keep their ends."""
+def _smoothed(xy: np.ndarray, s: np.ndarray, sigma: float, closed: bool) -> np.ndarray:
+    """Points (n, 2) at arc lengths s (n,) under a Gaussian of sigma px; open lines keep their ends."""
     if s[-1] < 1e-9:
         return xy.copy()
     count = int(np.clip(np.ceil(s[-1] / max(sigma / 4, 1e-3)), 8, 20_000))
@@ -311,8 +309,11 @@ def _smoothed(xy, s, sigma, closed):
 
 
 def hash_noise(seed: int, stroke: int, count: int) -> np.ndarray:
-    """Numbers in [0, 1), (count,), that depend on a seed and a stroke's number only, and that the page draws as well:
-    a counter through the finaliser of MurmurHash3."""
+    """Make numbers in [0, 1), (count,), that depend on a seed and a stroke's number only.
+
+    A counter goes through the finaliser of MurmurHash3, which the viewer computes as well, so that
+    both wiggle alike.
+    """
 
     def mixed(h):
         h = (h ^ (h >> np.uint32(16))) * np.uint32(0x85EBCA6B)
@@ -321,59 +322,44 @@ def hash_noise(seed: int, stroke: int, count: int) -> np.ndarray:
 
     with np.errstate(over="ignore"):
         start = mixed(mixed(np.array([seed & 0xFFFFFFFF], np.uint32)) ^ np.uint32(stroke))
-        return (
-            mixed(start + np.arange(1, count + 1, dtype=np.uint32) * np.uint32(0x9E3779B9))
-            / 2.0**32
-        )
+        counter = np.arange(1, count + 1, dtype=np.uint32) * np.uint32(0x9E3779B9)
+        return mixed(start + counter) / 2.0**32
 
 
-def _noise(s, wavelength, closed, seed, stroke):
-    """Smooth noise in [-1, 1] at arc lengths s: random heights of alternating sign, half a wavelength apart."""
-    count = max(2 if closed else 1, round(2 * s[-1] / wavelength))
-    if closed:
+def _noise(s: np.ndarray, wavelength: float, line: _Line, seed: int) -> np.ndarray:
+    """Smooth noise in [-1, 1] at arc lengths s (n,) of a line.
+
+    It joins random heights of alternating sign, half a wavelength apart.
+    """
+    count = max(2 if line.closed else 1, round(2 * s[-1] / wavelength))
+    if line.closed:
         count += count % 2
-    *heights, sign, shift = hash_noise(seed, stroke, count + 5)
-    height = (
-        (0.45 + 0.55 * np.array(heights))
-        * np.where(np.arange(count + 3) % 2, 1, -1)
-        * (-1 if sign < 0.5 else 1)
-    )
+    *heights, sign, shift = hash_noise(seed, line.index, count + 5)
+    crest = (0.45 + 0.55 * np.array(heights)) * np.where(np.arange(count + 3) % 2, 1, -1)
+    crest *= -1 if sign < 0.5 else 1
     shift = 0.25 + 0.5 * shift  # so that crests are not all as far from the ends
-    if closed:
-        height[-3:] = height[:3]
+    if line.closed:
+        crest[-3:] = crest[:3]
         shift = 0.5
     place = s / max(s[-1], 1e-9) * count + shift
     k = np.minimum(place.astype(np.int64), count + 1)
     f = place - k
-    return height[k] + (height[k + 1] - height[k]) * f * f * (3 - 2 * f)
+    return crest[k] + (crest[k + 1] - crest[k]) * f * f * (3 - 2 * f)
 
 
-def _through(xy, closed):
-    """A curve through points (n, 2): its points about STEP apart, and where each lies, in points of `xy`.
+def _catmull_rom(xy: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
+    """A curve through points (n, 2): its points about STEP apart, and where each lies, in points.
 
     Catmull and Rom 1974, centripetal (Yuksel et al. 2011) so that it neither loops nor overshoots.
     """
-    if len(xy) < 3:
-        pieces = max(1, int(np.ceil(np.hypot(*(xy[-1] - xy[0])) / STEP)))
-        t = np.linspace(0, 1, pieces + 1)
-        return xy[0] + t[:, None] * (xy[-1] - xy[0]), t * (len(xy) - 1)
-    before, after = (
-        (xy[-2:-1], xy[1:2]) if closed else (2 * xy[:1] - xy[1:2], 2 * xy[-1:] - xy[-2:-1])
-    )
-    p = np.concatenate([before, xy, after])
-    gap = np.sqrt(np.maximum(np.hypot(*np.diff(p, axis=0).T), 1e-9))[:, None]
-    slope = np.diff(p, axis=0) / gap
-    tangent = (slope[:-1] * gap[1:] + slope[1:] * gap[:-1]) / (gap[:-1] + gap[1:])  # at each of xy
-    heading = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
-    sharp = (np.abs(np.diff(heading)) > np.radians(SHARP))[:, None]
-    leave, arrive = (
-        np.where(sharp, slope[1:], tangent)[:-1],
-        np.where(sharp, slope[:-1], tangent)[1:],
-    )
     pieces = np.maximum(np.ceil(np.hypot(*np.diff(xy, axis=0).T) / STEP), 1).astype(np.int64)
+    if len(xy) < 3:
+        t = np.linspace(0, 1, int(pieces[0]) + 1)
+        return xy[0] + t[:, None] * (xy[-1] - xy[0]), t * (len(xy) - 1)
+    gap, leave, arrive = _spline_slopes(xy, closed)
     k = np.repeat(np.arange(len(pieces)), pieces)
     f = counting(pieces) / pieces[k]
-    t, h = f[:, None], gap[1:-1][k]
+    t, h = f[:, None], gap[k]
     curve = (
         (2 * t**3 - 3 * t**2 + 1) * xy[k]
         + (t**3 - 2 * t**2 + t) * h * leave[k]
@@ -383,43 +369,47 @@ def _through(xy, closed):
     return np.concatenate([curve, xy[-1:]]), np.r_[k + f, len(xy) - 1]
 
 
-# ------------------------------------------------------------------------------------------------ texture, carried
+def _spline_slopes(xy: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The spline's parameter step (n - 1, 1), and its slope at both ends of each (n - 1, 2)."""
+    if closed:
+        before, after = xy[-2:-1], xy[1:2]
+    else:
+        before, after = 2 * xy[:1] - xy[1:2], 2 * xy[-1:] - xy[-2:-1]
+    d = np.diff(np.concatenate([before, xy, after]), axis=0)
+    gap = np.sqrt(np.maximum(np.hypot(*d.T), 1e-9))[:, None]
+    slope = d / gap
+    tangent = (slope[:-1] * gap[1:] + slope[1:] * gap[:-1]) / (gap[:-1] + gap[1:])  # at each of xy
+    heading = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
+    corner = (np.abs(np.diff(heading)) > np.radians(CORNER))[:, None]
+    leave, arrive = np.where(corner, slope[1:], tangent), np.where(corner, slope[:-1], tangent)
+    return gap[1:-1], leave[:-1], arrive[1:]
 
 
-def _reshape(
-    drawing: Drawing, edit: Callable[[_Line], Reshaped | None], only: np.ndarray | None
-) -> Drawing:
-    """The drawing with an edit made to each stroke of `only`; a stroke for which it gives None stays."""
-    strokes, texture = drawing.strokes, drawing.texture
+# ---------------------------------------------------------------------------- texture, carried
+
+
+def _reshape(drawing: Drawing, edit: _Edit, only: np.ndarray | None) -> Drawing:
+    """The drawing with an edit made to each stroke of `only`; where it gives None, that stays."""
+    strokes = drawing.strokes
     only = np.ones(len(strokes), bool) if only is None else only
-    lines, was = [], {}
-    for i in range(len(strokes)):
-        rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
-        xy, width = strokes.xy[rows], strokes.thickness[rows]
-        moving = only[i] and np.ptp(xy, axis=0).max() > 1e-6
-        line = _Line(i, xy, width, np.arange(len(xy), dtype=np.float64), bool(strokes.closed[i]))
-        made = edit(line) if moving else None
-        if made is not None:
-            was[i] = made.was
-        lines.append((xy, width) if made is None else (made.xy, made.thickness))
-    offsets = np.cumsum([0] + [len(xy) for xy, _ in lines])
+    lines = [_line(strokes, i) for i in range(len(strokes))]
+    edited = {
+        line.index: edit(line)
+        for line in lines
+        if only[line.index] and np.ptp(line.xy, axis=0).max() > 1e-6
+    }
+    was = {i: line.was for i, line in edited.items() if line is not None}
+    lines = [edited.get(line.index) or line for line in lines]
     new = Strokes(
-        np.concatenate([np.zeros((0, 2)), *(xy for xy, _ in lines)]),
-        np.concatenate([np.zeros(0), *(width for _, width in lines)]),
-        offsets,
+        np.concatenate([np.zeros((0, 2)), *(line.xy for line in lines)]),
+        np.concatenate([np.zeros(0), *(line.thickness for line in lines)]),
+        np.cumsum([0] + [len(line.xy) for line in lines]),
         strokes.kind,
         strokes.closed,
     )
-    if texture is not None:
-        columns = strip_columns(drawing, new, was)
-        strips = [
-            carried_strip(drawing, new, i, was[i], columns)
-            if i in was
-            else wider(texture.rgba[texture.offsets[i] : texture.offsets[i + 1]], columns)
-            for i in range(len(strokes))
-        ]
-        ends = np.cumsum([0] + [len(strip) for strip in strips])
-        texture = Texture(np.concatenate(strips), ends, texture.margin) if strips else texture
+    texture = drawing.texture
+    if texture is not None and lines:
+        texture = _carried(strokes, texture, new, was)
     made = replace(drawing, strokes=new, texture=texture)
     # what was not edited is written as it was, even where its strip has more columns now
     kept = {
@@ -428,3 +418,27 @@ def _reshape(
         if drawing.art and i not in was
     }
     return replace(made, art={key: stroke for key, stroke in kept.items() if stroke})
+
+
+def _line(strokes: Strokes, i: int) -> _Line:
+    rows = strokes.rows(i)
+    xy = strokes.xy[rows]
+    was = np.arange(len(xy), dtype=np.float64)
+    return _Line(i, xy, strokes.thickness[rows], was, bool(strokes.closed[i]))
+
+
+def _carried(old: Strokes, texture: Texture, new: Strokes, was: dict[int, np.ndarray]) -> Texture:
+    """The texture on new strokes; `was` as in `_Line`, of those that changed."""
+    columns = strip_columns(old, texture, new, list(was))
+    strips = [
+        carried_strip(old, texture, new, i, was[i], columns)
+        if i in was
+        else wider(texture.strip(i), columns)
+        for i in range(len(old))
+    ]
+    return _stacked(strips, texture.margin)
+
+
+def _stacked(strips: list[np.ndarray], margin: np.ndarray) -> Texture:
+    """Strips (n, A, 4) of one width as a texture."""
+    return Texture(np.concatenate(strips), np.cumsum([0] + [len(s) for s in strips]), margin)

@@ -111,6 +111,11 @@ def overlaps(band: Ribbon, margin: float) -> bool:
     return bool((near & (apart > 0.6 * np.pi * both)).any())
 
 
+def across(columns: int) -> np.ndarray:
+    """v of the middles of the texels across a strip, (columns,): -1 and 1 are its edges."""
+    return (2.0 * np.arange(columns) + 1.0) / columns - 1.0
+
+
 def strip_points(band: Ribbon, rows: int, columns: int) -> np.ndarray:
     """Where the texels of a strip (rows, columns) lie on the image, (rows, columns, 2) pixels."""
     u = (np.arange(rows) + 0.5) / rows * band.length
@@ -121,11 +126,10 @@ def strip_points(band: Ribbon, rows: int, columns: int) -> np.ndarray:
     tangent = np.stack([np.interp(u, middle, d[:, k]) for k in (0, 1)], axis=1)
     tangent = tangent / np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-9)[:, None]
     centre = np.stack([np.interp(u, band.along, band.xy[:, k]) for k in (0, 1)], axis=1)
-    v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
-    across = v[None] * np.interp(u, band.along, band.half)[:, None]
+    away = across(columns)[None] * np.interp(u, band.along, band.half)[:, None]
     return (
         centre[:, None]
-        + across[..., None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[:, None]
+        + away[..., None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[:, None]
     )
 
 

@@ -1,4 +1,7 @@
-"""Strokes and Drawing: centre lines with thickness, the u-v texture that fills them, and their distance function."""
+"""Strokes, Texture and Drawing: centre lines with thickness, and what fills them.
+
+Also the order in which strokes are painted, and the signed distance to a stroke.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +13,8 @@ import numpy as np
 from ..geometry.curves import KINDS, arc_length, check_offsets
 from ..geometry.parts import Parts
 
-
-def lengths(drawing: Drawing) -> np.ndarray:
-    """Arc length of each stroke, (C,) px."""
-    strokes = drawing.strokes
-    return (
-        arc_length(strokes.xy, strokes.offsets)[strokes.offsets[1:] - 1]
-        if len(strokes)
-        else np.zeros(0)
-    )
-
-
 MAX_MARGIN = 1000.0  # px
+SAME_POINT = 1e-6  # px; nearer neighbours on a centre line are one point
 
 
 @dataclass(frozen=True)
@@ -67,7 +60,8 @@ class Strokes:
         count = len(offsets) - 1
         if kind.shape != (count,) or closed.shape != (count,):
             raise ValueError(
-                f"Strokes.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}"
+                f"Strokes.kind and .closed must have shape ({count},), "
+                f"got {kind.shape} and {closed.shape}"
             )
         if count and not (0 <= kind.min() and kind.max() < len(KINDS)):
             raise ValueError(f"Strokes.kind must lie in 0..{len(KINDS) - 1}")
@@ -81,21 +75,39 @@ class Strokes:
     def __len__(self) -> int:
         return len(self.offsets) - 1
 
+    def rows(self, i: int) -> slice:
+        """The rows of `xy` and `thickness` that are stroke i."""
+        return slice(self.offsets[i], self.offsets[i + 1])
+
+    @classmethod
+    def empty(cls) -> Strokes:
+        """No strokes at all."""
+        none = np.zeros(0)
+        return cls(np.zeros((0, 2)), none, np.zeros(1, np.int64), none, none)
+
 
 @dataclass(frozen=True)
 class Texture:
     """One strip of colours per stroke, in the stroke's own u-v space.
 
+    Row r of a strip of n lies at u = (r + 1/2) / n, the normalised arc length of the stroke's
+    ribbon: its centre line, run straight on past both ends of an open stroke by the half width
+    there, so that caps are texture like the rest. Column a of A lies across the ribbon at
+    v = (2 a + 1) / A - 1, which is v times the half width along the normal (-t_y, t_x) of the
+    tangent t. That half width is `ribbon.slope_limited_half_widths`: half the thickness, kept from
+    narrowing abruptly, plus the margin.
+
     Parameters
     ----------
-    rgba : (T, A, 4) uint8, straight alpha. Strip i is rows offsets[i]:offsets[i+1]; its row r of n lies at the
-        normalised arc length u = (r + 1/2) / n of the ribbon: the centre line, run straight on past both ends of an
-        open stroke by its half width there, so that its caps are texture like the rest. Column a of A lies across it at
-        v = (2 a + 1) / A - 1, that is v times the ribbon's half width along the normal (-t_y, t_x) of the tangent t.
-        That half width is `half_widths`: half the thickness, kept from narrowing abruptly, plus margin.
+    rgba : (T, A, 4) uint8, straight alpha; strip i is rows offsets[i]:offsets[i+1]
     offsets : (C+1,) int64
-    margin : (C,) float64, or one for all: pixels beyond the half thickness that each strip reaches, so that soft edges
-        are not cut
+    margin : (C,) float64, or one for all: pixels beyond the half thickness that each strip
+        reaches, so that soft edges are not cut
+
+    Raises
+    ------
+    ValueError
+        on a wrong shape or type, or a margin that is negative or above MAX_MARGIN.
     """
 
     rgba: np.ndarray
@@ -123,16 +135,22 @@ class Texture:
         object.__setattr__(self, "offsets", offsets)
         object.__setattr__(self, "margin", np.broadcast_to(margin, (len(offsets) - 1,)))
 
+    def strip(self, i: int) -> np.ndarray:
+        """The strip of stroke i, (n, A, 4) uint8."""
+        return self.rgba[self.offsets[i] : self.offsets[i + 1]]
+
 
 @dataclass(frozen=True)
 class Drawing:
-    """What `render` writes: strokes in painting order, the flat ink of each, and perhaps a texture.
+    """What `render` writes: strokes, the flat ink of each, and perhaps a texture.
+
+    Raises ValueError on shapes that do not agree, and on colours outside [0, 1].
 
     Parameters
     ----------
     strokes : Strokes
     size : (width, height), pixels
-    color : (C, 4) float64 in [0, 1], straight RGBA: what a stroke looks like where no texture is wanted
+    color : (C, 4) float64 in [0, 1], straight RGBA: the ink of a stroke where no texture is wanted
     texture : Texture with one strip per stroke, or None
     parts : the named part of the shape that each stroke belongs to, or None where it has but one
     art : how the strokes of a file were drawn in it, and by which options, by their digests: what is read and not
@@ -156,11 +174,13 @@ class Drawing:
             raise ValueError("Drawing.color must lie between 0 and 1")
         if self.texture is not None and len(self.texture.offsets) != len(self.strokes) + 1:
             raise ValueError(
-                f"Drawing.texture has {len(self.texture.offsets) - 1} strips for {len(self.strokes)} strokes"
+                f"Drawing.texture has {len(self.texture.offsets) - 1} strips "
+                f"for {len(self.strokes)} strokes"
             )
         if self.parts is not None and len(self.parts) != len(self.strokes):
             raise ValueError(
-                f"Drawing.parts must name the part of {len(self.strokes)} strokes, not {len(self.parts)}"
+                f"Drawing.parts must name the part of {len(self.strokes)} strokes, "
+                f"not {len(self.parts)}"
             )
         object.__setattr__(self, "color", color)
         object.__setattr__(self, "size", (int(self.size[0]), int(self.size[1])))
@@ -180,11 +200,21 @@ class Drawing:
         return made.digest()
 
 
-def paint_order(drawing: Drawing, layers: str = "kind") -> np.ndarray:
-    """Indices (C,) from the first stroke painted to the last, as `rasterise` paints and the SVG's layers lie.
+def lengths(drawing: Drawing) -> np.ndarray:
+    """Arc length of each stroke, (C,) px."""
+    strokes = drawing.strokes
+    if not len(strokes):
+        return np.zeros(0)
+    return arc_length(strokes.xy, strokes.offsets)[strokes.offsets[1:] - 1]
 
-    Kinds come from the least to the most important, so that contours lie on top; of one kind the parts, those without
-    a name beneath; of one part strokes as given. `layers` "part": parts first, then their kinds.
+
+def paint_order(drawing: Drawing, layers: str = "kind") -> np.ndarray:
+    """Sort the strokes into the order of painting: indices (C,) from the first to the last.
+
+    `rasterise` paints in this order, and the layers of an SVG lie in it. Kinds come from the least
+    to the most important, so that contours lie on top; within a kind parts come in their order,
+    what has no part's name beneath them; within a part strokes keep the order they are given in.
+    With `layers` "part", parts come first, then the kinds within each.
     """
     kind = -drawing.strokes.kind.astype(np.int64)
     part = np.zeros(len(kind)) if drawing.parts is None else drawing.parts.index
@@ -192,46 +222,80 @@ def paint_order(drawing: Drawing, layers: str = "kind") -> np.ndarray:
 
 
 def merge_coincident_points(xy: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A centre line (n, 2) and its radii (n,) without points that coincide; the widest of each heap stays."""
-    step = np.linalg.norm(np.diff(xy, axis=0), axis=1)
-    heap = np.r_[0, np.cumsum(step > 1e-6)]
-    widest = np.zeros(heap[-1] + 1)
-    np.maximum.at(widest, heap, radius)
-    return xy[np.r_[True, step > 1e-6]], widest
+    """Merge neighbours on a centre line (n, 2) that coincide, with the largest of their radii (n,).
+
+    Returns
+    -------
+    the first point of each cluster (m, 2), and the radii (m,)
+    """
+    apart = np.linalg.norm(np.diff(xy, axis=0), axis=1) > SAME_POINT
+    cluster = np.r_[0, np.cumsum(apart)]
+    largest = np.zeros(cluster[-1] + 1)
+    np.maximum.at(largest, cluster, radius)
+    return xy[np.r_[True, apart]], largest
 
 
 def signed_distance(xy: np.ndarray, radius: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Signed distance (M,) from points (M, 2) to a stroke of centre line xy (n, 2) and radii (n,): negative inside.
+    """Measure the signed distance, (M,) px, from points (M, 2) to one stroke: negative inside.
 
-    A stroke is the union of the discs along its centre line, radius linear along each segment; a segment is then a
-    round cone, the convex hull of its two end discs. The reference: all points against all segments.
+    A stroke is the union of the discs along its centre line, with the radius linear along each
+    segment; a segment is then a round cone, the convex hull of its two end discs. Every point is
+    compared with every segment: this is the reference that faster ways are tested against.
+
+    Parameters
+    ----------
+    xy : (n, 2) centre line, px
+    radius : (n,) px, half the thickness
+    points : (M, 2) px
     """
     xy, radius = merge_coincident_points(np.asarray(xy, np.float64), np.asarray(radius, np.float64))
     if len(xy) == 1:
         return np.linalg.norm(points - xy[0], axis=1) - radius[0]
     nearest = np.full(len(points), np.inf)
     block = max(1, 2_000_000 // len(xy))
-    index = np.arange(len(xy) - 1)
+    cones = stroke_segments(xy, radius, np.arange(len(xy) - 1))
     for a in range(0, len(points), block):
         rel = points[a : a + block, None] - xy[None, :-1]
-        nearest[a : a + block] = round_cone_distance(rel, *stroke_segments(xy, radius, index)).min(
-            axis=1
-        )
+        nearest[a : a + block] = round_cone_distance(rel, *cones).min(axis=1)
     return nearest
 
 
-def stroke_segments(xy, radius, k):
-    """Length, direction, first radius and slope of the radius of the segments k."""
+def stroke_segments(
+    xy: np.ndarray, radius: np.ndarray, k: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Describe segments k of a centre line as `round_cone_distance` takes them.
+
+    Returns
+    -------
+    length (K,) px, unit direction (K, 2), radius at the first end (K,) px, and slope (K,): by how
+    much the radius falls a px
+    """
     d = xy[k + 1] - xy[k]
     length = np.hypot(d[..., 0], d[..., 1])
     return length, d / length[..., None], radius[k], (radius[k] - radius[k + 1]) / length
 
 
-def round_cone_distance(rel, length, direction, radius, slope):
-    """Signed distance to round cones from points `rel` (..., 2) relative to the cones' first centres.
+def round_cone_distance(
+    rel: np.ndarray,
+    length: np.ndarray,
+    direction: np.ndarray,
+    radius: np.ndarray,
+    slope: np.ndarray,
+) -> np.ndarray:
+    """Measure the signed distance to round cones from points relative to the cones' first centres.
 
-    The distance to the disc at s along the axis, sqrt((x - s)^2 + y^2) - radius + slope s, is convex in s and
-    smallest at x - s = y slope / sqrt(1 - slope^2); a slope beyond 1 means that one end disc holds the other.
+    The shape is Quilez's round cone. Its distance is the least over all discs along the axis: that
+    to the disc at s, sqrt((x - s)^2 + y^2) - radius + slope s, is convex in s and smallest at
+    x - s = y slope / sqrt(1 - slope^2). A slope beyond 1 means that one end disc holds the other.
+
+    Parameters
+    ----------
+    rel : (..., 2) px
+    length, direction, radius, slope : of `stroke_segments`, broadcast against `rel`
+
+    Returns
+    -------
+    (...), px, negative inside
     """
     x = rel[..., 0] * direction[..., 0] + rel[..., 1] * direction[..., 1]
     y = np.abs(rel[..., 1] * direction[..., 0] - rel[..., 0] * direction[..., 1])
