@@ -1,0 +1,74 @@
+"""Make docs/python.md anew from the public names and their docstrings: python docs/api.py"""
+
+from __future__ import annotations
+
+import enum
+import inspect
+import re
+from pathlib import Path
+
+import strokestyle
+
+PAGE = Path(__file__).parent / "python.md"
+HEAD = """# Python
+
+Made by `python docs/api.py` from the docstrings; `from strokestyle import NAME` for each of these. Whatever else a module
+holds may change without notice. Nothing is imported before it is asked for, so that `import strokestyle` costs nothing.
+
+A stage is a function from one frozen dataclass to the next:
+
+    load_surface -> Surface, extract_view -> View, fit_style -> Style, Style.draw -> Drawing, save_svg
+
+Errors are ValueError (a value or a file that cannot be used) or OSError (a file that cannot be read or written), in one
+line that names what was found and what would do.
+
+"""
+# In the order of the walk from a mesh to a drawing; what is listed nowhere is an error of this script.
+GROUPS = {
+    "Shapes and views": (
+        "load_surface", "make_surface", "Surface", "Camera", "fit_camera", "LineOptions", "extract_view",
+        "view_of_curves", "turntable", "View", "Curves", "load_curves", "save_view", "load_view",
+    ),
+    "Learning a style": (
+        "load_exemplar", "Exemplar", "fit_style", "PRESETS", "FitConfig", "Checkpoint", "Style",
+        "save_style", "load_style",
+    ),
+    "Drawings": (
+        "Drawing", "Strokes", "Texture", "thicken", "wiggle", "smooth", "simplify", "move", "taper",
+        "recolor", "restyle", "rasterise",
+    ),
+    "SVG": ("SvgOptions", "write_svg", "save_svg", "read_svg", "plain_svg", "png_from_svg"),
+}  # fmt: skip
+
+
+def entry(name: str) -> str:
+    """One public name: how it is called, and what its docstring says."""
+    value = getattr(strokestyle, name)
+    if not (inspect.isclass(value) or inspect.isfunction(value)):
+        keys = ", ".join(f"`{key}`" for key in value)
+        return f"### {name}\n\nBy name: {keys}.\n"
+    signature = "" if isinstance(value, enum.EnumMeta) else str(inspect.signature(value))
+    # annotations as they are written, without the quotes of postponed evaluation
+    call = re.sub(r"'([^']*)'", r"\1", f"{name}{signature}")
+    text = f"### {name}\n\n```text\n{call}\n\n{inspect.getdoc(value) or ''}\n```\n"
+    if inspect.isclass(value):
+        for method, function in vars(value).items():
+            plain = getattr(function, "__func__", function)
+            if not method.startswith("_") and inspect.isfunction(plain) and plain.__doc__:
+                call = re.sub(r"'([^']*)'", r"\1", f"{name}.{method}{inspect.signature(plain)}")
+                text += f"\n```text\n{call}\n\n{inspect.getdoc(plain)}\n```\n"
+    return text
+
+
+def page() -> str:
+    """The whole page."""
+    listed = {name for names in GROUPS.values() for name in names}
+    public = set(strokestyle.__all__) - {"__version__"}
+    if listed != public:
+        raise ValueError(f"GROUPS and strokestyle.__all__ differ in {sorted(listed ^ public)}")
+    parts = [f"## {group}\n\n" + "\n".join(map(entry, names)) for group, names in GROUPS.items()]
+    return HEAD + "\n".join(parts)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
