@@ -14,7 +14,7 @@ Thickness is a stroke's full width in pixels. Angles are degrees at the command 
 
 from importlib import import_module
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # What Python users may rely on, and where it is: resolved when it is asked for, so that `import strokestyle` stays free
 # of numpy and torch.
