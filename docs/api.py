@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import enum
 import inspect
-import re
 from pathlib import Path
 
 import strokestyle
@@ -12,22 +10,23 @@ import strokestyle
 PAGE = Path(__file__).parent / "python.md"
 HEAD = """# Python
 
-Made by `python docs/api.py` from the docstrings; `from strokestyle import NAME` for each of these. Whatever else a module
-holds may change without notice. Nothing is imported before it is asked for, so that `import strokestyle` costs nothing.
+Made by `python docs/api.py` from the docstrings; `from strokestyle import NAME` for each of these.
+Whatever else a module holds may change without notice. Nothing is imported before it is asked for,
+so that `import strokestyle` costs nothing.
 
 A stage is a function from one frozen dataclass to the next:
 
     load_surface -> Surface, extract_view -> View, fit_style -> Style, Style.draw -> Drawing, save_svg
 
-Errors are ValueError (a value or a file that cannot be used) or OSError (a file that cannot be read or written), in one
-line that names what was found and what would do.
+Errors are ValueError (a value or a file that cannot be used) or OSError (a file that cannot be read
+or written), in one line that names what was found and what would do.
 
 """
 # In the order of the walk from a mesh to a drawing; what is listed nowhere is an error of this script.
 GROUPS = {
     "Shapes and views": (
         "load_surface", "make_surface", "Surface", "Camera", "fit_camera", "LineOptions", "extract_view",
-        "view_of_curves", "turntable", "View", "Curves", "load_curves", "save_view", "load_view",
+        "view_of_curves", "View", "Curves", "load_curves", "save_view", "load_view",
     ),
     "Learning a style": (
         "load_exemplar", "Exemplar", "fit_style", "PRESETS", "FitConfig", "Checkpoint", "Style",
@@ -35,28 +34,50 @@ GROUPS = {
     ),
     "Drawings": (
         "Drawing", "Strokes", "Texture", "thicken", "wiggle", "smooth", "simplify", "move", "taper",
-        "recolor", "restyle", "rasterise",
+        "recolor", "rasterise",
     ),
     "SVG": ("SvgOptions", "write_svg", "save_svg", "read_svg", "plain_svg", "png_from_svg"),
 }  # fmt: skip
 
 
+class Written(str):
+    """An annotation as it is written, without the quotes of postponed evaluation."""
+
+    __repr__ = str.__str__
+
+
+def call(name: str, value) -> str:
+    """How a function or a class is called, an argument a line: long defaults are cut to `...`."""
+    signature = inspect.signature(value)
+    shown = []
+    for parameter in signature.parameters.values():
+        if parameter.annotation is not parameter.empty:
+            parameter = parameter.replace(annotation=Written(parameter.annotation))
+        if len(repr(parameter.default)) > 40:
+            parameter = parameter.replace(default=Written("..."))
+        shown.append(str(parameter))
+    result = signature.return_annotation
+    to = "" if result in (signature.empty, "None", None) else f" -> {result}"
+    line = f"{name}({', '.join(shown)}){to}"
+    return line if len(line) <= 100 else f"{name}(\n    " + ",\n    ".join(shown) + f"\n){to}"
+
+
+def described(name: str, value) -> str:
+    """A call and its docstring."""
+    return f"```text\n{call(name, value)}\n\n{inspect.getdoc(value)}\n```\n"
+
+
 def entry(name: str) -> str:
-    """One public name: how it is called, and what its docstring says."""
+    """One public name: how it is called, what its docstring says, and its methods likewise."""
     value = getattr(strokestyle, name)
-    if not (inspect.isclass(value) or inspect.isfunction(value)):
-        keys = ", ".join(f"`{key}`" for key in value)
-        return f"### {name}\n\nBy name: {keys}.\n"
-    signature = "" if isinstance(value, enum.EnumMeta) else str(inspect.signature(value))
-    # annotations as they are written, without the quotes of postponed evaluation
-    call = re.sub(r"'([^']*)'", r"\1", f"{name}{signature}")
-    text = f"### {name}\n\n```text\n{call}\n\n{inspect.getdoc(value) or ''}\n```\n"
+    if not callable(value):
+        return f"### {name}\n\nBy name: {', '.join(f'`{key}`' for key in value)}.\n"
+    text = f"### {name}\n\n{described(name, value)}"
     if inspect.isclass(value):
         for method, function in vars(value).items():
             plain = getattr(function, "__func__", function)
             if not method.startswith("_") and inspect.isfunction(plain) and plain.__doc__:
-                call = re.sub(r"'([^']*)'", r"\1", f"{name}.{method}{inspect.signature(plain)}")
-                text += f"\n```text\n{call}\n\n{inspect.getdoc(plain)}\n```\n"
+                text += "\n" + described(f"{name}.{method}", plain)
     return text
 
 
