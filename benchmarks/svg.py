@@ -15,7 +15,6 @@ import io
 import shutil
 import subprocess
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -185,8 +184,8 @@ def main():
     )
     print(f"{'style':9s} {'encoding':14s} {'write':>6s} {'kB':>6s} {'gz':>5s}{heads}")
     for style in given.drawings or given.styles.split(","):
-        if given.drawings:  # without its art: all is drawn anew
-            made, style = replace(read_svg(style), art={}), Path(style).stem[-9:]
+        if given.drawings:
+            made, style = read_svg(style), Path(style).stem[-9:]
         else:
             made = drawing(style, POINTS if given.dense else 10)
         chosen = resolve_texture(made, SvgOptions()).texture

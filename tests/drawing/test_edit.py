@@ -94,7 +94,7 @@ def test_strokes_that_are_not_meant_are_written_as_they_were(encoding, texture):
     file = read_svg_file(text)
     only = file.drawing.strokes.kind == KINDS.index("contour")
     edited = edits.thicken(file.drawing, 2.5, only)  # its strips need more texels across
-    again = by_id(write_svg(edited, file.options, ids=file.ids))
+    again = by_id(write_svg(edited, file.options, ids=file.ids, kept=file.kept))
     same = [again[name] == stroke for name, stroke in by_id(text).items()]
     assert sum(same) == (~only).sum() and 0 < sum(same) < len(same)
 

@@ -740,11 +740,11 @@ def edit(drawing, output, png, seed, restyle, **options):
         change = waiting[name].pop(0)
         with timed(name):
             sheet = _restyled(change, sheet, seed) if name == "restyle" else change(sheet, seed)
-    kept = {name: value for name, value in options.items() if value is not None}
-    if kept.get("inkscape_lpe"):
-        kept.setdefault("texture", "none")
+    given = {name: value for name, value in options.items() if value is not None}
+    if given.get("inkscape_lpe"):
+        given.setdefault("texture", "none")
     with timed("write the SVG"):
-        text = write_svg(sheet.drawing, found.options, ids=sheet.ids, **kept)
+        text = write_svg(sheet.drawing, found.options, ids=sheet.ids, kept=found.kept, **given)
     written = output
     if output == "-":
         click.echo(text, nl=False)
@@ -819,7 +819,12 @@ def view(files, output, show):
         with timed(f"write {name} anew"):
             # Inkscape's live effect is left out: the page could not keep it in step with the outline
             text = write_svg(
-                found.drawing, found.options, ids=found.ids, strips=True, inkscape_lpe=False
+                found.drawing,
+                found.options,
+                ids=found.ids,
+                kept=found.kept,
+                strips=True,
+                inkscape_lpe=False,
             )
             drawings.append((name, text))
     page = page_html(drawings)

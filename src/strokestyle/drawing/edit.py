@@ -410,14 +410,7 @@ def _reshape(drawing: Drawing, edit: _Edit, only: np.ndarray | None) -> Drawing:
     texture = drawing.texture
     if texture is not None and lines:
         texture = _carried(strokes, texture, new, was)
-    made = replace(drawing, strokes=new, texture=texture)
-    # what was not edited is written as it was, even where its strip has more columns now
-    kept = {
-        made.digest(i): drawing.art.get(drawing.digest(i))
-        for i in range(len(new))
-        if drawing.art and i not in was
-    }
-    return replace(made, art={key: stroke for key, stroke in kept.items() if stroke})
+    return replace(drawing, strokes=new, texture=texture)
 
 
 def _line(strokes: Strokes, i: int) -> _Line:

@@ -5,8 +5,7 @@ Also the order in which strokes are painted, and the signed distance to a stroke
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -153,8 +152,6 @@ class Drawing:
     color : (C, 4) float64 in [0, 1], straight RGBA: the ink of a stroke where no texture is wanted
     texture : Texture with one strip per stroke, or None
     parts : the named part of the shape that each stroke belongs to, or None where it has but one
-    art : how the strokes of a file were drawn in it, and by which options, by their digests: what is read and not
-        changed is written as it was
     """
 
     strokes: Strokes
@@ -162,7 +159,6 @@ class Drawing:
     color: np.ndarray
     texture: Texture | None = None
     parts: Parts | None = None
-    art: dict = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self):
         color = np.asarray(self.color, np.float64)
@@ -184,20 +180,6 @@ class Drawing:
             )
         object.__setattr__(self, "color", color)
         object.__setattr__(self, "size", (int(self.size[0]), int(self.size[1])))
-
-    def digest(self, i: int) -> bytes:
-        """What stroke i is, by which `art` is kept."""
-        strokes, texture = self.strokes, self.texture
-        rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
-        parts = [strokes.xy[rows], strokes.thickness[rows], self.color[i]]
-        if texture is not None:
-            parts += [texture.rgba[texture.offsets[i] : texture.offsets[i + 1]], texture.margin[i]]
-        made = hashlib.blake2b(
-            repr((int(strokes.kind[i]), bool(strokes.closed[i]))).encode(), digest_size=16
-        )
-        for part in parts:
-            made.update(repr(part.shape).encode() + np.ascontiguousarray(part).tobytes())
-        return made.digest()
 
 
 def lengths(drawing: Drawing) -> np.ndarray:

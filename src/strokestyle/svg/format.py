@@ -263,12 +263,3 @@ def page_size_mm(name: str | None, size: tuple[int, int]) -> tuple[float, float]
         names = ", ".join(key.title() for key in PAPERS)
         raise ValueError(f"a page size is one of {names}, or for instance 210x297mm; got {name!r}")
     return page
-
-
-ID_PLACEHOLDER = "*id*"  # stands for a stroke's id where its markup is kept
-
-
-def markup_options(options: SvgOptions) -> tuple:
-    """The options on which the markup of a stroke depends."""
-    o = options
-    return o.texture, o.tones, o.texture_res, o.tolerance, o.decimals, o.inkscape_lpe

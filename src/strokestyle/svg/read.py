@@ -20,7 +20,8 @@ from ..geometry.bezier import flatten
 from ..geometry.curves import KINDS, arc, arc_length, kind_named
 from ..geometry.parts import Parts, part_name
 from .centre_lines import EFFECT
-from .format import FORMAT, ID_PLACEHOLDER, LICENSES, LIMITS, Data, SvgOptions, markup_options
+from .format import FORMAT, LICENSES, LIMITS, STROKE_CLASS, Data, SvgOptions
+from .kept import DrawnStroke, Element, Kept, keep_strokes
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
 from .path_data import page_length, parse_numbers, parse_path, parse_transform
 from .read_texture import (
@@ -59,21 +60,26 @@ SHAPES = (
 )
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 DC = "http://purl.org/dc/elements/1.1/"
+PATH_EFFECT = INKSCAPE_NAMESPACE + "}path-effect"
 CC = ("http://creativecommons.org/ns#", "http://web.resource.org/cc/")
 
 # A stroke exactly as we write it: whatever is in it, it is markup that cannot run or load anything.
 _VALUE = r'="[^"<&]*"'
-_ART = re.compile(
-    rf'<(path|g) id="([\w.:-]*)" class="stroke"(?: {Data.PART}="[^"<]*")?((?: [a-z:-]+{_VALUE})*)'
-    rf"(/>|>(?:\s*<path(?: (?:d|fill|fill-opacity|transform){_VALUE})+/>"
-    rf'|\s*<image(?: (?:x|y|width|height|preserveAspectRatio){_VALUE})* xlink:href="data:image/png;base64,[\w+/=]*"/>'
-    rf")*\s*</\1>)"
+_PAIR = re.compile(r" ([a-z:-]+)=\"([^\"<&]*)\"", re.IGNORECASE)
+_CHILD = (
+    rf"<(path)((?: (?:d|fill|fill-opacity|transform){_VALUE})+) ?/>"
+    rf"|<(image)((?: (?:x|y|width|height|preserveAspectRatio|xlink:href){_VALUE})+) ?/>"
 )
-
-_ART_NAMES = {
+_CHILDREN = re.compile(_CHILD)
+_STROKE = re.compile(
+    rf'<(path|g)((?: {Data.PART}="[^"<]*"| [a-z:-]+{_VALUE})*)'
+    rf"(?: ?/>|>((?:\s*(?:{_CHILD}))*)\s*</\1>)"
+)
+_IMAGE = re.compile(r"data:image/png;base64,[\w+/=]*")
+_KEPT_NAMES = {
     Data.CLASS, Data.PATH, Data.WIDTH, Data.CLOSED, Data.TEXTURE, Data.MARGIN,
     Data.AT, Data.SPINE, Data.OPACITY, "fill", "fill-opacity", "fill-rule", "d",
-    "inkscape:path-effect", "inkscape:original-d",
+    "inkscape:original-d",
 }  # fmt: skip
 
 
@@ -86,6 +92,7 @@ class SvgFile:
     drawing : Drawing, its strokes in the order in which the file paints them
     ids : (C,) the strokes' ids, "" where one has none; they may repeat
     options : how it was written
+    kept : its strokes as they were drawn in it: with them `write_svg` writes what was not changed as it was
     hidden : number of strokes that are hidden in the file, and are not in the drawing
     others : number of visible shapes in the file that are no strokes of ours
     effects : number of gradients, clip paths, masks and filters on strokes, which a Drawing does not have
@@ -94,6 +101,7 @@ class SvgFile:
     drawing: Drawing
     ids: tuple[str, ...]
     options: SvgOptions
+    kept: Kept = field(default_factory=dict, repr=False, compare=False)
     hidden: int = 0
     others: int = 0
     effects: int = 0
@@ -172,7 +180,7 @@ class _Found:
 
 @dataclass
 class _Line:
-    """A stroke as read: all that Drawing wants of it, and its markup where that is ours to the letter."""
+    """A stroke as read: all that Drawing wants of it, and how it was drawn where every letter of that is ours."""
 
     xy: np.ndarray
     width: np.ndarray
@@ -182,7 +190,7 @@ class _Line:
     strip: np.ndarray | None
     margin: float
     part: str
-    art: tuple[str, ...] | None
+    drawn: DrawnStroke | None
 
 
 class _Reader:
@@ -311,29 +319,25 @@ class _Reader:
         lines, names, budget = [], [], Budget()
         for found in self.strokes:
             try:
-                lines += _lines(found, origin, self.data, budget)
-                if lines[-1].art is not None and (
-                    points := self.power_strokes.get(EFFECT + found.name, "")
-                ):
-                    safe = re.fullmatch("[0-9., |-]*", points)
-                    lines[-1] = replace(
-                        lines[-1], art=(*lines[-1].art[:2], points) if safe else None
-                    )
+                lines += _lines(found, origin, self._drawn(found), budget)
                 names += [found.name] * (len(lines) - len(names))
             except ValueError as error:
                 which = f' id="{quoted(found.name)}"' if found.name else ""
                 raise ValueError(f"line {found.line}, stroke{which}: {error}") from None
         options = self._options(any(line.strip is not None for line in lines))
         drawing = _drawing(lines, size, self._parts(lines))
-        by = markup_options(options)
-        art = {
-            drawing.digest(i): (by, *line.art)
-            for i, line in enumerate(lines)
-            if line.art is not None
-        }
-        return SvgFile(
-            replace(drawing, art=art), tuple(names), options, self.hidden, self.others, self.effects
-        )
+        kept = keep_strokes(drawing, (line.drawn for line in lines), options)
+        return SvgFile(drawing, tuple(names), options, kept, self.hidden, self.others, self.effects)
+
+    def _drawn(self, found: _Found) -> DrawnStroke | None:
+        """The stroke as it was drawn, if every letter of its element, and of its path effect, is ours."""
+        drawn = _drawn_stroke(self.data, found)
+        effect = found.attributes.get(PATH_EFFECT)
+        if drawn is None or effect is None:
+            return drawn
+        points = self.power_strokes.get(EFFECT + found.name, "")
+        ours = effect == f"#{EFFECT}{found.name}" and re.fullmatch("[0-9., |-]+", points)
+        return replace(drawn, offset_points=points) if ours else None
 
     def _canvas(self) -> tuple[tuple[int, int], tuple[float, float]]:
         """Size of the canvas and where it begins in user units: as written, or what somebody made of the page since."""
@@ -378,7 +382,9 @@ class _Reader:
 # --------------------------------------------------------------------------------------------------------- a stroke
 
 
-def _lines(found: _Found, origin: tuple[float, float], data: bytes, budget: Budget) -> list[_Line]:
+def _lines(
+    found: _Found, origin: tuple[float, float], drawn: DrawnStroke | None, budget: Budget
+) -> list[_Line]:
     """The stroke, and copies of it that are merged with it."""
     attributes, state = found.attributes, found.state
     closed = attributes.get(Data.CLOSED, "") == "1"
@@ -410,14 +416,14 @@ def _lines(found: _Found, origin: tuple[float, float], data: bytes, budget: Budg
         strip = np.concatenate(
             [strip[..., :3], np.rint(strip[..., 3:] * state.opacity).astype(np.uint8)], axis=2
         )
-    art = None
-    if found.alone and state.matrix == IDENTITY and state.opacity == 1.0 and moves == [IDENTITY]:
-        art = _art(data, found)
+    still = state.matrix == IDENTITY and state.opacity == 1.0 and moves == [IDENTITY]
+    if not (found.alone and still):
+        drawn = None
     kind, part = (
         KINDS.index("other") if kind is None else kind,
         part_name(attributes.get(Data.PART, "")),
     )
-    line = _Line(xy, width, closed, kind, color, strip, margin, part, art)
+    line = _Line(xy, width, closed, kind, color, strip, margin, part, drawn)
     home = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), state.matrix)
     return [_moved(line, compose(home, move)) for move in moves]
 
@@ -607,22 +613,29 @@ def _unless_edited(move: Affine | None, within: float, line: np.ndarray) -> Affi
     return move if abs(enclosed(line) - within) <= slack else None
 
 
-def _art(data: bytes, found: _Found) -> tuple[str, str] | None:
-    """The element's tag and its markup after id and class, if every letter of it is ours."""
+def _drawn_stroke(data: bytes, found: _Found) -> DrawnStroke | None:
+    """A stroke's element, but for its id, class, part and path effect, if every letter of it is ours."""
     # of an end tag, expat gives where it begins; of an empty element, the place behind it
     empty = data.endswith(b"/>", 0, found.end) and (
         not found.shapes or found.shapes[0].attributes is found.attributes
     )
     end = found.end if empty else data.find(b">", found.end) + 1
-    text = data[found.begin : end].decode("ascii", "replace")
-    match = _ART.fullmatch(text)
-    names = re.findall(rf" ([a-z:-]+){_VALUE}", match[3]) if match else ()
-    if "fill" not in names or not set(names) <= _ART_NAMES:
+    match = _STROKE.fullmatch(data[found.begin : end].decode("ascii", "replace"))
+    if match is None:
         return None
-    markup = text[match.start(3) :].replace(
-        f'-effect="#{EFFECT}{match[2]}"', f'-effect="#{EFFECT}{ID_PLACEHOLDER}"'
-    )
-    return match[1], markup
+    attributes = dict(_PAIR.findall(match[2]))
+    ours = attributes.pop("class", "") == STROKE_CLASS
+    for name in ("id", Data.PART, "inkscape:path-effect"):
+        attributes.pop(name, None)
+    if not ours or "fill" not in attributes or not set(attributes) <= _KEPT_NAMES:
+        return None
+    children = []
+    for path, of_path, image, of_image in _CHILDREN.findall(match[3] or ""):
+        inside = dict(_PAIR.findall(of_path or of_image))
+        if image and not _IMAGE.fullmatch(inside.get("xlink:href", "")):
+            return None
+        children.append(Element(path or image, inside))
+    return DrawnStroke(Element(match[1], attributes, tuple(children)))
 
 
 def _drawing(lines: list[_Line], size: tuple[int, int], parts: Parts | None) -> Drawing:

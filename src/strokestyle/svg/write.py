@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -22,20 +22,21 @@ from ..geometry.parts import Parts
 from .centre_lines import EFFECT, effect, plotter_svg, power_strokes
 from .document import LayerItem, document, layered
 from .format import (
-    ID_PLACEHOLDER,
+    MARGIN_DECIMALS,
     PATH_SLACK,
     STRIP_LEVELS,
     STRIP_LEVELS_FEW,
+    STROKE_CLASS,
     TONE_UNIT,
     WIDTH_SLACK,
     Data,
     SvgOptions,
-    markup_options,
 )
 from .images import stroke_images
 from .ink import inks
+from .kept import DrawnStroke, Element, Kept, kept_strokes
 from .landmarks import enclosed, fine_line, first_line, landmarks
-from .markup import attribute, element, hex_color, number, numbers, polyline_path, rings_path, units
+from .markup import element, hex_color, number, numbers, polyline_path, rings_path, units
 from .strip_image import strips_png
 from .tones import tone_paths, tones
 
@@ -51,16 +52,19 @@ def write_svg(
     options: SvgOptions | None = None,
     *,
     ids: Sequence[str] | None = None,
+    kept: Kept | None = None,
     strips: bool = False,
     **changes,
 ) -> str:
-    """The drawing as SVG text; the same drawing gives the same text.
+    """Write a drawing as SVG text; the same drawing gives the same text.
 
     Parameters
     ----------
     options : how to write it
     ids : (C,) names for the strokes; those that are empty, repeated or no names are made new. None: s000, s001 ... in
         painting order
+    kept : `SvgFile.kept` of the file that the drawing comes from: strokes that nobody changed since are written as
+        they were in it
     strips : write every stroke's strip, as `data-ss-strip` where it can be read off what is drawn: for `page_html`
     changes : fields of SvgOptions, in place of those of `options`
 
@@ -74,59 +78,73 @@ def write_svg(
         return plotter_svg(drawing, options)
     options = resolve_texture(drawing, options)
     order = paint_order(drawing, options.layers)
-    names = _names(order, ids, drawing.parts is not None)
-    drawn = {}
-    if drawing.art:
-        kept = {i: drawing.art.get(drawing.digest(i)) for i in order.tolist()}
-        drawn = {i: art[1:] for i, art in kept.items() if art and art[0] == markup_options(options)}
-    new = order[[i not in drawn for i in order.tolist()]]
-    for i, stroke in zip(new.tolist(), _drawn(drawing, options, new), strict=True):
-        drawn[i] = stroke
+    strokes = kept_strokes(drawing, options, kept or {})
+    new = order[[i not in strokes for i in order.tolist()]]
+    strokes |= zip(new.tolist(), _drawn(drawing, options, new), strict=True)
     if options.texture != "none":
-        # what is drawn shows the texture, and is where a reader finds it, but for strokes that lie on themselves
-        lying = [i for i in new.tolist() if _overlaps(drawing, i)]
-        kept = {i for i, (_, markup, *_) in drawn.items() if " data-ss-texture=" in markup}.union(
-            lying
-        )
-        others = [i for i in order.tolist() if i not in kept] if strips else []
-        few = (
-            STRIP_LEVELS_FEW if options.texture == "vector" else STRIP_LEVELS
-        )  # a few tones need no more
-        for name, index, levels in (
-            (Data.TEXTURE, lying, few),
-            (Data.STRIP, others, STRIP_LEVELS),
-        ):
-            for i, strip in zip(index, strips_png(drawing, index, levels), strict=True):
-                tag, markup, *points = drawn[i]
-                drawn[i] = (
-                    tag,
-                    f' {name}="{base64.b64encode(strip).decode("ascii")}"{markup}',
-                    *points,
-                )
-    marks, effects = [], ""
-    for i in order.tolist():
-        tag, markup, *points = drawn[i]
-        part = "" if drawing.parts is None else drawing.parts.name(i)
-        begin = f'\n<{tag} id="{names[i]}" class="stroke"' + (
-            attribute(Data.PART, part) if part else ""
-        )
-        marks.append(
-            LayerItem(
-                begin + markup.replace(ID_PLACEHOLDER, names[i]),
-                KINDS[drawing.strokes.kind[i]],
-                part,
-            )
-        )
-        effects += "".join(effect(names[i], text) for text in points)
+        told = _told_strips(drawing, options, strokes, new, strips)
+        strokes |= {i: _with_attributes(strokes[i], strip) for i, strip in told.items()}
+    names = _names(order, ids, drawing.parts is not None)
+    items = [_item(drawing, i, names[i], strokes[i]) for i in order.tolist()]
+    effects = "".join(
+        effect(names[i], strokes[i].offset_points)
+        for i in order.tolist()
+        if strokes[i].offset_points
+    )
     none = options.layers == "none"
-    content = "".join(mark.markup for mark in marks) if none else layered(marks, options.layers)
+    content = "".join(item.markup for item in items) if none else layered(items, options.layers)
     if effects:
         content = element("defs", {}, effects) + content
-    used = {mark.part for mark in marks}
+    used = {item.part for item in items}
     parts = (
         () if drawing.parts is None else tuple(name for name in drawing.parts.names if name in used)
     )
     return document(content, drawing.size, options, ours=True, parts=parts)
+
+
+def _with_attributes(stroke: DrawnStroke, more: dict[str, str]) -> DrawnStroke:
+    element = replace(stroke.element, attributes=more | stroke.element.attributes)
+    return replace(stroke, element=element)
+
+
+def _told_strips(
+    drawing: Drawing,
+    options: SvgOptions,
+    strokes: dict[int, DrawnStroke],
+    new: np.ndarray,
+    every: bool,
+) -> dict[int, dict[str, str]]:
+    """The attribute that holds the strip of each stroke that needs one.
+
+    What is drawn shows the texture, and is where a reader finds it, but for strokes that lie on themselves; `every`:
+    the page, which does not read it there, wants those of the others too.
+    """
+    lying = [i for i in new.tolist() if _overlaps(drawing, i)]
+    told = {i for i, stroke in strokes.items() if Data.TEXTURE in stroke.element.attributes}
+    others = sorted(strokes.keys() - told.union(lying)) if every else []
+    few = STRIP_LEVELS_FEW if options.texture == "vector" else STRIP_LEVELS
+    return {
+        i: {name: base64.b64encode(strip).decode("ascii")}
+        for name, index, levels in (
+            (Data.TEXTURE, lying, few),
+            (Data.STRIP, others, STRIP_LEVELS),
+        )
+        for i, strip in zip(index, strips_png(drawing, index, levels), strict=True)
+    }
+
+
+def _item(drawing: Drawing, i: int, name: str, stroke: DrawnStroke) -> LayerItem:
+    part = "" if drawing.parts is None else drawing.parts.name(i)
+    given = {"id": name, "class": STROKE_CLASS, **({Data.PART: part} if part else {})}
+    given |= stroke.element.attributes
+    if stroke.offset_points:
+        given["inkscape:path-effect"] = f"#{EFFECT}{name}"
+    markup = _text(replace(stroke.element, attributes=given))
+    return LayerItem(markup, KINDS[drawing.strokes.kind[i]], part)
+
+
+def _text(item: Element) -> str:
+    return element(item.tag, item.attributes, "".join(_text(child) for child in item.children))
 
 
 def resolve_texture(drawing: Drawing, options: SvgOptions) -> SvgOptions:
@@ -154,23 +172,18 @@ def _names(order: np.ndarray, ids: Sequence[str] | None, parts: bool) -> list[st
     return names
 
 
-def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray):
-    """(tag, markup after id and class) of each stroke of `index`; of a PowerStroke, its offset points besides."""
-    make = {"none": _flat, "vector": _tones, "image": _images}[options.texture]
+def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
+    """The strokes of `index`, drawn anew."""
+    fill = {"none": _outlined, "vector": _toned, "image": _pictured}[options.texture]
     knots = _knots(drawing.strokes)
-    for i, (tag, attributes, content) in zip(
-        index.tolist(), make(drawing, options, index), strict=True
-    ):
+    for i, stroke in zip(index.tolist(), fill(drawing, options, index), strict=True):
         data = _data(drawing, i, options.decimals, knots)
-        if (
-            options.texture == "vector" and "fill-opacity" in data
-        ):  # tones have their own: scour would drop the group's
+        if options.texture == "vector" and "fill-opacity" in data:
+            # tones have their own: scour would drop the group's
             data[Data.OPACITY] = data.pop("fill-opacity")
         if options.texture != "none":
-            data[Data.MARGIN] = number(drawing.texture.margin[i], 4)
-        points = [attributes.pop("points")] if "points" in attributes else []
-        markup = element(tag, {**data, **attributes}, content)
-        yield tag, markup[len(tag) + 2 :], *points
+            data[Data.MARGIN] = number(drawing.texture.margin[i], MARGIN_DECIMALS)
+        yield _with_attributes(stroke, data)
 
 
 def _overlaps(drawing: Drawing, i: int) -> bool:
@@ -260,66 +273,57 @@ def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#fffff
 # ------------------------------------------------------------------------------- what fills a stroke, by encoding
 
 
-def _flat(drawing, options, order):
-    """(tag, attributes, content) of each stroke: its outline."""
+def _outlined(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
+    """Strokes as their outlines."""
     skeletons = (
-        power_strokes(drawing, options, order.tolist())
+        power_strokes(drawing, options, index.tolist())
         if options.inkscape_lpe
-        else [None] * len(order)
+        else [None] * len(index)
     )
     for rings, skeleton in zip(
-        outlines(drawing.strokes, options.tolerance, order), skeletons, strict=True
+        outlines(drawing.strokes, options.tolerance, index), skeletons, strict=True
     ):
-        d = rings_path(rings, options.decimals)
-        at = {Data.AT: _edge_at(fine_line(rings[0]))} if rings else {}
-        attributes = {**at, "fill-rule": "nonzero", "d": d}
-        if skeleton is not None:
-            attributes |= {
-                "inkscape:path-effect": f"#{EFFECT}{ID_PLACEHOLDER}",
-                "inkscape:original-d": skeleton[0],
-            }
-            attributes[Data.SPINE] = _at(
-                landmarks(first_line(skeleton[0]))
-            )  # Inkscape draws the outline anew
-            attributes["points"] = skeleton[1]  # for the effect in the file's head
-        yield "path", attributes, ""
+        given = {Data.AT: _edge_at(fine_line(rings[0]))} if rings else {}
+        given |= {"fill-rule": "nonzero", "d": rings_path(rings, options.decimals)}
+        if skeleton is None:
+            yield DrawnStroke(Element("path", given))
+            continue
+        spine, offset_points = skeleton
+        given["inkscape:original-d"] = spine
+        given[Data.SPINE] = _at(landmarks(first_line(spine)))  # Inkscape draws the outline anew
+        yield DrawnStroke(Element("path", given), offset_points)
 
 
-def _tones(drawing, options, order):
-    """(tag, attributes, content) of each stroke: its texture in a few tones, the lightest beneath."""
-    made = tone_paths(tones(drawing, order, options.tones, options.tolerance))
+def _toned(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
+    """Strokes as groups of a few tones, the lightest beneath."""
+    made = tone_paths(tones(drawing, index, options.tones, options.tolerance))
     unit = f"scale({number(TONE_UNIT, 4)})"
-    for i, paths in zip(order.tolist(), made, strict=True):
-        content, ink = "", drawing.color[i, :3]
+    for i, paths in zip(index.tolist(), made, strict=True):
+        ink, children = drawing.color[i, :3], []
         # the tone nearest to the stroke's ink has that ink, so that programs see the stroke's fill in use
         stray = [float(np.abs(color - ink).max()) for color, _, _ in paths]
         for (color, opacity, d), off in zip(paths, stray, strict=True):
-            fill = (
-                {} if off < SAME_INK or off == min(stray) < NEAR_INK else {"fill": hex_color(color)}
-            )
-            content += element(
-                "path", {**fill, "fill-opacity": number(opacity, 2), "transform": unit, "d": d}
-            )
-        yield (
-            "g",
-            {Data.AT: _edge_at(TONE_UNIT * first_line(paths[0][2]))} if paths else {},
-            content,
-        )
+            same = off < SAME_INK or off == min(stray) < NEAR_INK
+            fill = {} if same else {"fill": hex_color(color)}
+            fill |= {"fill-opacity": number(opacity, 2), "transform": unit, "d": d}
+            children.append(Element("path", fill))
+        at = {Data.AT: _edge_at(TONE_UNIT * first_line(paths[0][2]))} if paths else {}
+        yield DrawnStroke(Element("g", at, tuple(children)))
 
 
-def _images(drawing, options, order):
-    """(tag, attributes, content) of each stroke: its pixels, whose opacity is its shape."""
-    for picture in stroke_images(drawing, order, options.texture_res):
+def _pictured(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
+    """Strokes as groups of an image, whose opacity is the stroke's shape."""
+    for picture in stroke_images(drawing, index, options.texture_res):
         if picture is None:
-            yield "g", {}, ""
+            yield DrawnStroke(Element("g", {}))
             continue
         x, y, width, height, png = picture
         box = {"x": x, "y": y, "width": width, "height": height}
-        box = {key: number(value, max(options.decimals, 3)) for key, value in box.items()}
+        given = {key: number(value, max(options.decimals, 3)) for key, value in box.items()}
         href = "data:image/png;base64," + base64.b64encode(png).decode("ascii")
-        image = element("image", {**box, "preserveAspectRatio": "none", "xlink:href": href})
+        given |= {"preserveAspectRatio": "none", "xlink:href": href}
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
-        yield "g", {Data.AT: _at(corners)}, image
+        yield DrawnStroke(Element("g", {Data.AT: _at(corners)}, (Element("image", given),)))
 
 
 # ------------------------------------------------------------------------------------------- a stroke, to be read back
