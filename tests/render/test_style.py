@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 import torch
+from small_styles import plain_style
 
 from strokestyle.drawing.raster import rasterise
 from strokestyle.extract.pipeline import view_of_lines
@@ -29,15 +30,6 @@ def test_a_sum_of_curves_is_the_network_that_was_trained():
     with torch.no_grad():
         theirs = network(torch.tensor(points, dtype=torch.float32)).numpy()
     np.testing.assert_allclose(ours(points), theirs, atol=2e-5)
-
-
-def plain_style(size=768, thin_above=False):
-    """A style that has learned next to nothing: a line a few pixels thick, or one that fades towards the top."""
-    count, each = len(FEATURES), np.zeros(len(FEATURES))
-    line = np.where(np.array(FEATURES) == "height", 6.0 * thin_above, 0.0)
-    none = np.zeros((count, 1))
-    network = SumOfCurves(none, none, none, line, np.float32(-3.0 if thin_above else 1.5))
-    return Style(StyleConfig(size), network, np.zeros(8), each, each + 1, each - 9, each + 9)
 
 
 def middles(drawing):
