@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from stroke_zoo import VALLEY, stroke, together, uv_texture, zoo
 
-from strokestyle.drawing.raster import coverage, distance_map, rasterise
+from strokestyle.drawing.raster import distance_map, rasterise, stroke_coverage
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture, paint_order, signed_distance
 
 
@@ -30,7 +30,7 @@ def test_flat_raster_is_the_covered_area(name):
 
 def test_thin_strokes_fade_instead_of_vanishing():
     line = stroke([[10.0, 20.3], [60.0, 20.3]], 0.4)
-    _, cover = coverage(line, 0, (70, 40))
+    _, cover = stroke_coverage(line, 0, (70, 40))
     assert cover[:, 20].sum() == pytest.approx(0.4, abs=0.02)
 
 

@@ -298,7 +298,7 @@ def _densified(line: _Line, spacing: float) -> _Line:
 
 
 def _smoothed(xy: np.ndarray, s: np.ndarray, sigma: float, closed: bool) -> np.ndarray:
-    """Points (n, 2) at arc lengths s (n,) under a Gaussian of sigma px; open lines keep their ends."""
+    """Points (n, 2) at arc lengths s (n,) under a Gaussian of sigma px; open lines keep ends."""
     if s[-1] < 1e-9:
         return xy.copy()
     count = int(np.clip(np.ceil(s[-1] / max(sigma / 4, 1e-3)), 8, 20_000))

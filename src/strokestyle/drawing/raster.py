@@ -1,14 +1,19 @@
-"""The direct raster of a drawing: the pixels that every file we write is measured against."""
+"""Paint a drawing as pixels, directly: what every file that we write is measured against.
+
+Flat ink covers a pixel by its distance to the stroke's edge; a texture is looked up at the pixel's
+u and v, its place in the stroke's ribbon.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from ..geometry.curves import counting
 from .ribbon import Ribbon, ribbon, sample_strips
+from .strip import premultiplied, straight
 from .strokes import (
     Drawing,
     Strokes,
@@ -19,6 +24,7 @@ from .strokes import (
 )
 
 BATCH = 5e5  # pixels looked at together: what fits into a cache
+ARM_TURN = np.radians(150.0)  # a line that turns by no more does not overlap itself
 
 
 @dataclass(frozen=True)
@@ -32,57 +38,166 @@ class Crop:
 
     @property
     def index(self) -> tuple[slice, slice]:
+        """The crop's rows and columns, to index a canvas (H, W, ...)."""
         return slice(self.y0, self.y0 + self.h), slice(self.x0, self.x0 + self.w)
 
 
 def crop_of(xy: np.ndarray, reach: np.ndarray, size: tuple[int, int]) -> Crop:
-    """The pixels within `reach` (n,) of the points (n, 2), cut to the canvas."""
-    low, high = (
-        np.floor((xy - reach[:, None]).min(axis=0)),
-        np.ceil((xy + reach[:, None]).max(axis=0)),
-    )
+    """Crop a canvas of `size` (width, height) to what is within `reach` (n,) of points (n, 2)."""
+    low = np.floor((xy - reach[:, None]).min(axis=0))
+    high = np.ceil((xy + reach[:, None]).max(axis=0))
     x0, y0 = np.clip(low, 0, size).astype(int)
     x1, y1 = np.clip(high, 0, size).astype(int)
     return Crop(int(x0), int(y0), int(max(x1 - x0, 0)), int(max(y1 - y0, 0)))
 
 
-def _near_pairs(xy, reach, crop):
-    """Every (segment, pixel) that may touch: segment (P,), pixel's index in the crop (P,), its centre (P, 2)."""
-    a, b = xy[:-1], xy[1:]
-    far = np.maximum(reach[:-1], reach[1:])[:, None]
-    low = np.floor(np.minimum(a, b) - far - [crop.x0, crop.y0])
-    high = np.ceil(np.maximum(a, b) + far - [crop.x0, crop.y0])
-    low = np.clip(low, 0, [crop.w, crop.h]).astype(np.int64)
-    size = np.maximum(np.clip(high, 0, [crop.w, crop.h]).astype(np.int64) - low, 0)
-    count = size[:, 0] * size[:, 1]
-    segment = np.repeat(np.arange(len(a)), count)
-    k = counting(count)
-    width = np.repeat(size[:, 0], count)
-    row = k // np.maximum(width, 1)
-    x = np.repeat(low[:, 0], count) + k - row * width
-    y = np.repeat(low[:, 1], count) + row
-    return segment, y * crop.w + x, np.stack([x + crop.x0 + 0.5, y + crop.y0 + 0.5], axis=1)
+def canvas_size(drawing: Drawing, scale: float) -> tuple[int, int]:
+    """(width, height) of the drawing's raster at `scale` pixels a pixel."""
+    return max(1, round(drawing.size[0] * scale)), max(1, round(drawing.size[1] * scale))
 
 
-def _short_steps(xy, *fields):
-    """The polyline with points added so that a segment's box is not much larger than the segment's surroundings."""
-    step = np.hypot(*np.diff(xy, axis=0).T)
-    pieces = np.maximum(np.ceil(step / np.maximum(4.0, fields[0].max())), 1).astype(np.int64)
-    if (pieces == 1).all():
-        return (xy, *fields)
-    at = np.repeat(np.arange(len(step)), pieces)
-    at = at + counting(pieces) / pieces[at]
-    at, k = np.r_[at, len(step)], np.arange(len(xy))
-    return (
-        np.stack([np.interp(at, k, c) for c in xy.T], axis=1),
-        *(np.interp(at, k, f) for f in fields),
+def rasterise(
+    drawing: Drawing,
+    scale: float = 1.0,
+    background: tuple[float, float, float] | None = None,
+    texture: bool = True,
+    layers: str = "kind",
+) -> np.ndarray:
+    """Paint a drawing: strokes laid over each other in `paint_order`.
+
+    Parameters
+    ----------
+    scale : pixels of the raster per pixel of the drawing, above 0
+    background : (r, g, b) in [0, 1], or None: clear
+    texture : False, or a drawing without texture: each stroke is its flat ink with an analytic
+        edge. Otherwise it is its strip, looked up bilinearly, whose alpha makes the edge.
+    layers : as `paint_order` has it
+
+    Returns
+    -------
+    (H, W, 3) uint8 on a background, else (H, W, 4) uint8 with straight alpha
+
+    Raises
+    ------
+    ValueError
+        where the scale is not above 0.
+    """
+    if not scale > 0:
+        raise ValueError(f"the scale of a raster must be above 0, got {scale}")
+    width, height = canvas_size(drawing, scale)
+    canvas = np.zeros((height * width, 4), np.float32)
+    order = paint_order(drawing, layers)
+    painted = textured_pixels if texture and drawing.texture is not None else flat_pixels
+    for crop, pixel, color in painted(drawing, order, scale):
+        at = pixel + crop.x0
+        if crop.w != width:
+            at += pixel // max(crop.w, 1) * (width - crop.w)
+        at += crop.y0 * width
+        canvas[at] = color + canvas[at] * (1.0 - color[:, 3:])
+    image = canvas.reshape(height, width, 4)
+    if background is None:
+        image = straight(image)
+    else:
+        image = image[..., :3] + (1.0 - image[..., 3:]) * np.array(background, np.float32)
+    return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+
+
+def flat_pixels(
+    drawing: Drawing, index: np.ndarray, scale: float = 1.0
+) -> Iterator[tuple[Crop, np.ndarray, np.ndarray]]:
+    """Paint strokes as `textured_pixels` does, in flat ink."""
+    size = canvas_size(drawing, scale)
+    for i in index:
+        crop, cover = stroke_coverage(drawing.strokes, i, size, scale)
+        pixel = np.flatnonzero(cover)
+        ink = np.r_[drawing.color[i, :3], 1.0] * drawing.color[i, 3]
+        yield crop, pixel, (cover.reshape(-1)[pixel, None] * ink).astype(np.float32)
+
+
+def textured_pixels(
+    drawing: Drawing, index: np.ndarray, scale: float = 1.0
+) -> Iterator[tuple[Crop, np.ndarray, np.ndarray]]:
+    """Paint the strokes of `index` alone, one after the other, each on a canvas of its own.
+
+    The canvas is `scale` times the drawing's size.
+
+    Yields
+    ------
+    crop, pixel (M,) in the flattened crop, each once, and its premultiplied colour (M, 4) float32
+
+    Raises
+    ------
+    ValueError
+        where the drawing has no texture.
+    """
+    if drawing.texture is None:
+        raise ValueError("a drawing without texture has no textured pixels")
+    strips, size, index = drawing.texture, canvas_size(drawing, scale), np.asarray(index)
+    texels = premultiplied(strips.rgba.astype(np.float32) / 255.0)
+    bands = [ribbon(drawing.strokes, i, strips.margin[i], scale) for i in index]
+    crops = [crop_of(band.xy, band.half, size) for band in bands]
+    for batch in _batches(bands, crops):
+        found = ribbon_coordinates([bands[j] for j in batch], [crops[j] for j in batch])
+        wraps = np.array([bands[j].closed for j in batch], bool)[found.ribbon]
+        stroke = index[batch][found.ribbon]
+        color = sample_strips(texels, strips.offsets, stroke, found.u, found.v, wraps)
+        shown = _strongest_marks(found, color[:, 3], _Boxes.of([crops[j] for j in batch]))
+        pixel, color = found.pixel[shown], color[shown]
+        ends = np.searchsorted(found.ribbon[shown], np.arange(len(batch) + 1))
+        for j, a, b in zip(batch, ends[:-1], ends[1:], strict=True):
+            yield crops[j], pixel[a:b], color[a:b]
+
+
+def _batches(bands: list[Ribbon], crops: list[Crop]) -> Iterator[np.ndarray]:
+    """Consecutive numbers of ribbons that together have about BATCH pixels to be looked at."""
+    work = np.array(
+        [
+            crop.w * crop.h + 8 * band.length * band.half.max()
+            for crop, band in zip(crops, bands, strict=True)
+        ]
     )
+    batch = np.cumsum(work) // BATCH
+    for number in np.unique(batch):
+        yield np.flatnonzero(batch == number)
 
 
-def coverage(
+def _strongest_marks(found: RibbonPixels, alpha: np.ndarray, frames: _Boxes) -> np.ndarray:
+    """Which pixels show, each of a ribbon once, sorted by ribbon.
+
+    Where a stroke crosses itself the stronger mark shows.
+    """
+    crossing = np.bincount(found.ribbon, found.arm, len(frames.w))[found.ribbon] > 0
+    again = np.flatnonzero(crossing)
+    if len(again):
+        cell = frames.first[found.ribbon[again]] + found.pixel[again]
+        order = np.lexsort((found.arm[again], -alpha[again], cell))
+        again, cell = again[order], cell[order]
+        again = again[np.r_[True, cell[1:] != cell[:-1]]]
+    shown = np.r_[np.flatnonzero(~crossing), again]
+    return shown[np.argsort(found.ribbon[shown].astype(np.int16), kind="stable")]
+
+
+# ------------------------------------------------------------------- distance to a stroke's edge
+
+
+def stroke_coverage(
     strokes: Strokes, i: int, size: tuple[int, int], scale: float = 1.0
 ) -> tuple[Crop, np.ndarray]:
-    """How much of each pixel stroke i covers, in [0, 1]: (crop, (h, w) float64)."""
+    """Measure how much of each pixel stroke i covers.
+
+    The edge is taken as level with the pixel's grid: the cover falls from 1 to 0 over the pixel
+    that it passes through.
+
+    Parameters
+    ----------
+    strokes, i : the stroke
+    size : (width, height) of the canvas
+    scale : pixels of the canvas per pixel of the drawing
+
+    Returns
+    -------
+    crop, (h, w) float64 in [0, 1]
+    """
     crop, pixel, distance, width = _pixel_distances(strokes, i, size, scale, 1.0)
     # the pixel's part within a band: what the near edge lets in less what the far edge shuts out
     part = np.clip(0.5 - distance, 0.0, 1.0) - np.clip(0.5 - distance - width, 0.0, 1.0)
@@ -94,16 +209,29 @@ def coverage(
 def distance_map(
     strokes: Strokes, i: int, size: tuple[int, int], reach: float
 ) -> tuple[Crop, np.ndarray]:
-    """Signed distance of each pixel's centre to stroke i, px, negative inside: (crop, (h, w)); inf beyond `reach`."""
+    """Measure the signed distance of each pixel's centre to stroke i.
+
+    Parameters
+    ----------
+    strokes, i : the stroke
+    size : (width, height) of the canvas, px
+    reach : px, how far from the stroke distances are wanted
+
+    Returns
+    -------
+    crop, (h, w) px, negative inside; inf beyond `reach`
+    """
     crop, pixel, distance, _ = _pixel_distances(strokes, i, size, 1.0, reach)
     nearest = np.full(crop.w * crop.h, np.inf)
     np.minimum.at(nearest, pixel, distance)
     return crop, np.where(nearest <= reach, nearest, np.inf).reshape(crop.h, crop.w)
 
 
-def _pixel_distances(strokes, i, size, scale, reach):
-    """Crop, and for every (segment, pixel) within reach: the pixel, its signed distance, the segment's width."""
-    rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
+def _pixel_distances(
+    strokes: Strokes, i: int, size: tuple[int, int], scale: float, reach: float
+) -> tuple[Crop, np.ndarray, np.ndarray, np.ndarray]:
+    """Crop, and of every (segment, pixel) within reach: pixel, signed distance, segment's width."""
+    rows = strokes.rows(i)
     xy, radius = merge_coincident_points(
         strokes.xy[rows] * scale, 0.5 * strokes.thickness[rows] * scale
     )
@@ -119,26 +247,68 @@ def _pixel_distances(strokes, i, size, scale, reach):
     return crop, pixel, distance, 2.0 * np.maximum(r0, radius[k + 1])
 
 
-def _arms(xy):
-    """Cut a centre line where it has turned by more than 150 degrees: no arm overlaps itself. [(first, last), ...]"""
-    d = np.diff(xy, axis=0)
-    heading = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
-    cuts, first, low, high = [0], 0, heading[0], heading[0]
-    if np.ptp(heading) > np.radians(150.0):
-        for k, angle in enumerate(heading.tolist()):
-            low, high = min(low, angle), max(high, angle)
-            if high - low > np.radians(150.0) and k > first:
-                cuts.append(k)
-                first, low, high = k, angle, angle
-    cuts.append(len(xy) - 1)
-    return list(zip(cuts[:-1], cuts[1:], strict=True))
+def _near_pairs(
+    xy: np.ndarray, reach: np.ndarray, crop: Crop
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Every (segment, pixel) that may touch.
+
+    Returns
+    -------
+    segment (P,), the pixel's index in the flattened crop (P,), its centre (P, 2)
+    """
+    a, b = xy[:-1], xy[1:]
+    far = np.maximum(reach[:-1], reach[1:])[:, None]
+    corner, size = [crop.x0, crop.y0], [crop.w, crop.h]
+    low = np.clip(np.floor(np.minimum(a, b) - far - corner), 0, size).astype(np.int64)
+    high = np.clip(np.ceil(np.maximum(a, b) + far - corner), 0, size).astype(np.int64)
+    columns, rows = np.maximum(high - low, 0).T
+    segment, k = _ranges(0 * columns, columns * rows)
+    width = columns[segment]
+    row = k // np.maximum(width, 1)
+    x, y = low[segment, 0] + k - row * width, low[segment, 1] + row
+    return segment, y * crop.w + x, np.stack([x + crop.x0 + 0.5, y + crop.y0 + 0.5], axis=1)
+
+
+def _ranges(begin: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All whole numbers of ranges begin:end (K,): which range (P,), and the number (P,)."""
+    count = np.maximum(end - begin, 0)
+    which = np.repeat(np.arange(len(count)), count)
+    return which, counting(count) + begin[which]
+
+
+def _short_steps(xy: np.ndarray, *on_it: np.ndarray) -> tuple[np.ndarray, ...]:
+    """A polyline (n, 2) and what lies on it, each (n,), with points added.
+
+    After it a segment's box is not much larger than the segment's surroundings: its half width,
+    which is the first of `on_it`.
+    """
+    step = np.hypot(*np.diff(xy, axis=0).T)
+    pieces = np.maximum(np.ceil(step / np.maximum(4.0, on_it[0].max())), 1).astype(np.int64)
+    if (pieces == 1).all():
+        return (xy, *on_it)
+    at = np.repeat(np.arange(len(step)), pieces)
+    at = np.r_[at + counting(pieces) / pieces[at], len(step)]
+    x, y, *rest = (np.interp(at, np.arange(len(xy)), values) for values in (*xy.T, *on_it))
+    return np.stack([x, y], axis=1), *rest
+
+
+# ------------------------------------------------------------------------------ u and v of pixels
 
 
 @dataclass(frozen=True)
 class RibbonPixels:
-    """The pixels of some ribbons: `ribbon` (M,) whose it is, `pixel` (M,) its index in that ribbon's crop, flattened,
-    `u` (M,) in [0, 1] along the ribbon, `v` (M,) in [-1, 1] across it, and `arm` (M,): a pixel is listed once for every
-    arm of its ribbon that covers it, and an arm does not overlap itself."""
+    """The pixels of some ribbons, each once for every arm of its ribbon that covers it.
+
+    An arm is a piece of a ribbon that does not overlap itself.
+
+    Parameters
+    ----------
+    ribbon : (M,) int, whose pixel it is
+    pixel : (M,) int, its index in that ribbon's crop, flattened
+    u : (M,) in [0, 1], along the ribbon
+    v : (M,) in [-1, 1], across it
+    arm : (M,) int, the arm's number in its ribbon
+    """
 
     ribbon: np.ndarray
     pixel: np.ndarray
@@ -148,233 +318,322 @@ class RibbonPixels:
 
 
 def ribbon_coordinates(bands: list[Ribbon], crops: list[Crop]) -> RibbonPixels:
-    """u and v of the pixels of ribbons.
+    """Find u and v of the pixels of ribbons, of which there is at least one, each in its crop.
 
-    A pixel takes the closest point of the arm. Where arms meet, a pixel that only reaches an arm's cut end goes to the
-    other.
+    A pixel takes the closest point of the arm. Where arms meet, a pixel that only reaches an arm's
+    cut end goes to the other.
     """
-    pieces, arms = [], []  # segments of all arms; ribbon, number within it and crop of each arm
-    for number, (band, crop) in enumerate(zip(bands, crops, strict=True)):
-        xy, half, along = _short_steps(band.xy, band.half, band.along)
-        d = np.diff(xy, axis=0)
-        heading = np.arctan2(d[:, 1], d[:, 0])
-        # round a point's outer side pixels lie behind the segment before it or ahead of the one after it
-        bend = np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi)
-        overhang = np.where(bend < 0.5 * np.pi, np.sin(bend), 1.0)
-        for k, (a, b) in enumerate(_arms(xy)):
-            cut = np.array([band.closed or a > 0, band.closed or b < len(xy) - 1], float)
-            table = np.empty((b - a, 12))
-            table[:, 0:2], table[:, 2:4] = xy[a:b], d[a:b]
-            table[:, 4], table[:, 5], table[:, 6] = (
-                half[a:b],
-                half[a + 1 : b + 1],
-                along[a:b] / band.length,
-            )
-            table[:, 7] = along[a + 1 : b + 1] / band.length - table[:, 6]
-            table[:, 8], table[:, 9] = (
-                np.r_[cut[0], overhang[a : b - 1]],
-                np.r_[overhang[a : b - 1], cut[1]],
-            )
-            table[:, 10], table[:, 11] = np.arange(b - a) == 0, np.arange(b - a) == b - a - 1
-            pieces.append(table)
-            arms.append(
-                (
-                    number,
-                    k,
-                    cut,
-                    crop_of(xy[a : b + 1], half[a : b + 1], (crop.x0 + crop.w, crop.y0 + crop.h)),
-                )
-            )
-    table = np.concatenate(pieces) if pieces else np.zeros((0, 12))
-    arm = np.repeat(np.arange(len(arms)), [len(piece) for piece in pieces])
-    boxes = np.array([[c.x0, c.y0, c.w, c.h] for _, _, _, c in arms], np.int64).reshape(-1, 4)
-    cuts = np.array([cut for _, _, cut, _ in arms], bool).reshape(-1, 2)
-    length = np.hypot(table[:, 2], table[:, 3])
-    direction = table[:, 2:4] / length[:, None]
-    h0, h1 = table[:, 4], table[:, 5]
-    wide = np.maximum(h0, h1)
-    k, x, y = _slabs(
-        table[:, :2], direction, length, wide, table[:, 8:10] * wide[:, None], boxes[arm]
-    )
-    px, py = x + 0.5 - table[k, 0], y + 0.5 - table[k, 1]
-    ahead, aside = (
-        px * direction[k, 0] + py * direction[k, 1],
-        py * direction[k, 0] - px * direction[k, 1],
-    )
-    foot = np.clip(ahead, 0.0, length[k])
-    distance = np.hypot(ahead - foot, aside)
-    near = distance <= h0[k] + ((h1 - h0) / length)[k] * foot
-    before, past = (ahead < 0) & (table[k, 10] > 0), (ahead > length[k]) & (table[k, 11] > 0)
-    owner = arm[k]
-    near &= ~(before & ~cuts[owner, 0]) & ~(past & ~cuts[owner, 1])
-    near = np.flatnonzero(near)
-    k, x, y, foot, distance, owner = (
-        k[near],
-        x[near],
-        y[near],
-        foot[near],
-        distance[near],
-        owner[near],
-    )
-    spare = (before | past)[near]
-    # the closest point of each arm
-    base = np.r_[0, np.cumsum(boxes[:, 2] * boxes[:, 3])]
-    cell = base[owner] + (y - boxes[owner, 1]) * boxes[owner, 2] + x - boxes[owner, 0]
-    best = np.full(base[-1], np.inf, np.float32)
-    distance = distance.astype(np.float32)
-    np.minimum.at(best, cell, distance)
-    first = np.flatnonzero(distance == best[cell])
-    pick = np.full(base[-1], -1, np.int32)
-    pick[cell[first]] = first
-    pick = pick[pick >= 0]
+    segments, arms = _segments_and_arms(bands, crops)
+    found = _pixels_beside(segments, arms)
+    found = found.take(_closest_of_each_arm(segments, arms, found))
+    frames = _Boxes.of(crops)
+    arm = segments.arm[found.segment]
+    owner = arms.ribbon[arm]
+    pixel = frames.pixel(owner, found.x, found.y)
     # a pixel that only reaches a cut end is spare: it counts where no other arm has it
-    number = np.array([a for a, _, _, _ in arms], np.int64)
-    owner, spare = owner[pick], spare[pick]
-    mine = number[owner]
-    frames = np.array([[c.x0, c.y0, c.w, c.h] for c in crops], np.int64).reshape(-1, 4)
-    pixel = (y[pick] - frames[mine, 1]) * frames[mine, 2] + x[pick] - frames[mine, 0]
-    base = np.r_[0, np.cumsum(frames[:, 2] * frames[:, 3])]
-    taken = np.zeros(base[-1], bool)
-    taken[(base[mine] + pixel)[~spare]] = True
-    keep = np.flatnonzero(~spare | ~taken[base[mine] + pixel])
-    pick, owner, mine, pixel = pick[keep], owner[keep], mine[keep], pixel[keep]
-    k, foot = k[pick], foot[pick]
-    part = foot / length[k]
-    side = (y[pick] + 0.5 - table[k, 1]) * direction[k, 0] - (
-        x[pick] + 0.5 - table[k, 0]
-    ) * direction[k, 1]
-    v = np.where(side < 0, -distance[pick], distance[pick]) / np.maximum(
-        h0[k] + (h1 - h0)[k] * part, 1e-9
-    )
-    place = np.array([a for _, a, _, _ in arms], np.int64)
-    return RibbonPixels(mine, pixel, table[k, 6] + table[k, 7] * part, v, place[owner])
+    cell = frames.first[owner] + pixel
+    taken = np.zeros(frames.first[-1], bool)
+    taken[cell[~found.spare]] = True
+    kept = np.flatnonzero(~found.spare | ~taken[cell])
+    u, v = _coordinates(segments, found.take(kept))
+    return RibbonPixels(owner[kept], pixel[kept], u, v, arms.number[arm[kept]])
 
 
-def _slabs(start, direction, length, half, overhang, box):
-    """Every pixel whose centre lies in an oriented rectangle: rectangle (P,), x (P,), y (P,).
+@dataclass(frozen=True)
+class _Boxes:
+    """Boxes of pixels.
 
-    Rectangles begin at `start` (K, 2), run `length` (K,) along `direction` (K, 2) and reach `half` (K,) to both sides
-    and `overhang` (K, 2) beyond both ends; pixels are cut to `box` (K, 4): x0, y0, w, h.
+    Parameters
+    ----------
+    x0, y0, w, h : (B,) int, as `Crop` has them
+    first : (B+1,) int, where each one's pixels begin when all boxes are laid one after the other
     """
-    reach = 0.5 * (length + overhang.sum(axis=1)) + 1e-6
-    middle = start + (0.5 * (length + overhang[:, 1] - overhang[:, 0]))[:, None] * direction
-    dx, dy = direction.T
-    tall = reach * np.abs(dy) + half * np.abs(dx)
-    top = np.clip(np.ceil(middle[:, 1] - tall - 0.5), box[:, 1], box[:, 1] + box[:, 3]).astype(
-        np.int64
-    )
-    end = np.clip(np.floor(middle[:, 1] + tall - 0.5) + 1, box[:, 1], box[:, 1] + box[:, 3]).astype(
-        np.int64
-    )
-    count = np.maximum(end - top, 0)
-    k = np.repeat(np.arange(len(count)), count)
-    y = counting(count) + top[k]
-    rise = y + 0.5 - middle[k, 1]
-    # |x dx + rise dy| <= reach and |rise dx - x dy| <= half, for x from the middle
-    safe_x, safe_y = (np.where(np.abs(c) > 1e-9, c, 1e-9)[k] for c in (dx, dy))
-    a, b = -rise * dy[k] / safe_x, reach[k] / np.abs(safe_x)
-    c, e = rise * dx[k] / safe_y, half[k] / np.abs(safe_y)
-    left = np.maximum(a - b, c - e) + middle[k, 0] - 0.5
-    right = np.minimum(a + b, c + e) + middle[k, 0] - 0.5
-    left = np.clip(np.ceil(left), box[k, 0], box[k, 0] + box[k, 2]).astype(np.int64)
-    right = np.clip(np.floor(right) + 1, box[k, 0], box[k, 0] + box[k, 2]).astype(np.int64)
-    count = np.maximum(right - left, 0)
-    row = np.repeat(np.arange(len(count)), count)
-    x = counting(count) + left[row]
-    return k[row], x, y[row]
+
+    x0: np.ndarray
+    y0: np.ndarray
+    w: np.ndarray
+    h: np.ndarray
+    first: np.ndarray
+
+    @classmethod
+    def of(cls, crops: list[Crop]) -> _Boxes:
+        x0, y0, w, h = np.array([[c.x0, c.y0, c.w, c.h] for c in crops], np.int64).reshape(-1, 4).T
+        return cls(x0, y0, w, h, np.r_[0, np.cumsum(w * h)])
+
+    def pixel(self, box: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The index of pixels (x, y) (P,) in their boxes, flattened."""
+        return (y - self.y0[box]) * self.w[box] + x - self.x0[box]
 
 
-def flat_pixels(
-    drawing: Drawing, index: np.ndarray, scale: float = 1.0
-) -> Iterator[tuple[Crop, np.ndarray, np.ndarray]]:
-    """As `textured_pixels`, in flat ink."""
-    size = canvas_size(drawing, scale)
-    for i in index:
-        crop, cover = coverage(drawing.strokes, i, size, scale)
-        pixel = np.flatnonzero(cover)
-        ink = np.r_[drawing.color[i, :3], 1.0] * drawing.color[i, 3]
-        yield crop, pixel, (cover.reshape(-1)[pixel, None] * ink).astype(np.float32)
+@dataclass(frozen=True)
+class _Arms:
+    """The arms of some ribbons.
 
-
-def textured_pixels(
-    drawing: Drawing, index: np.ndarray, scale: float = 1.0
-) -> Iterator[tuple[Crop, np.ndarray, np.ndarray]]:
-    """The strokes of `index` alone, each on a canvas of `scale` times the drawing's size, one after the other.
-
-    Yields
-    ------
-    crop, pixel (M,) in the flattened crop, each once, and its premultiplied colour (M, 4) float32
+    Parameters
+    ----------
+    ribbon : (A,) int, whose arm it is
+    number : (A,) int, which of that ribbon's arms
+    cut : (A, 2) bool, whether the ribbon goes on before its first and after its last point
+    boxes : the pixels that each may reach
     """
-    strips, size = drawing.texture, canvas_size(drawing, scale)
-    texels = strips.rgba.astype(np.float32) / 255.0
-    texels[..., :3] *= texels[..., 3:]
-    bands = [ribbon(drawing.strokes, i, strips.margin[i], scale) for i in index]
-    crops = [crop_of(band.xy, band.half, size) for band in bands]
-    work = np.array(
-        [
-            crop.w * crop.h + 8 * band.length * band.half.max()
-            for crop, band in zip(crops, bands, strict=True)
-        ]
-        + [0.0]
-    )
-    batch = (np.cumsum(work) // BATCH)[:-1]
-    for number in np.unique(batch):
-        own = np.flatnonzero(batch == number)
-        found = ribbon_coordinates([bands[j] for j in own], [crops[j] for j in own])
-        stroke = np.asarray(index)[own][found.ribbon]
-        wraps = np.array([bands[j].closed for j in own], bool)[found.ribbon]
-        color = sample_strips(texels, strips.offsets, stroke, found.u, found.v, wraps)
-        base = np.r_[0, np.cumsum([crops[j].w * crops[j].h for j in own])]
-        key = base[found.ribbon] + found.pixel
-        # where a stroke crosses itself the stronger mark shows
-        crossing = np.bincount(found.ribbon, found.arm, len(own))[found.ribbon] > 0
-        again = np.flatnonzero(crossing)
-        again = again[np.lexsort((found.arm[again], -color[again, 3], key[again]))]
-        again = again[np.r_[True, key[again][1:] != key[again][:-1]]] if len(again) else again
-        order = np.r_[np.flatnonzero(~crossing), again]
-        order = order[np.argsort(found.ribbon[order].astype(np.int16), kind="stable")]
-        key, color = key[order], color[order]
-        cut = np.searchsorted(found.ribbon[order], np.arange(len(own) + 1))
-        for j, a, b, first in zip(own, cut[:-1], cut[1:], base, strict=False):
-            yield crops[j], key[a:b] - first, color[a:b]
+
+    ribbon: np.ndarray
+    number: np.ndarray
+    cut: np.ndarray
+    boxes: _Boxes
 
 
-def canvas_size(drawing: Drawing, scale: float) -> tuple[int, int]:
-    """(width, height) of the drawing's raster at `scale` pixels a pixel."""
-    return max(1, round(drawing.size[0] * scale)), max(1, round(drawing.size[1] * scale))
+@dataclass(frozen=True)
+class _Segments:
+    """The segments of the centre lines of arms, in order.
 
-
-def rasterise(
-    drawing: Drawing,
-    scale: float = 1.0,
-    background: tuple[float, float, float] | None = None,
-    texture: bool = True,
-    layers: str = "kind",
-) -> np.ndarray:
-    """The drawing as pixels: (H, W, 3) uint8 on a background (r, g, b) in [0, 1], else (H, W, 4) with straight alpha.
-
-    Strokes are laid over each other in `paint_order`, which has `layers` too. Without a texture, or with `texture`
-    False, a stroke is its flat ink with an analytic edge; with one it is the strip, looked up bilinearly, whose alpha
-    makes the edge.
+    Parameters
+    ----------
+    start : (K, 2) px
+    length : (K,) px
+    direction : (K, 2), unit
+    half : (K, 2) px, half width of the ribbon at both ends
+    u : (K, 2), at both ends
+    overhang : (K, 2), in half widths: how far behind its beginning and ahead of its end pixels may
+        lie that are nearest to it
+    first, last : (K,) bool, of its arm
+    arm : (K,) int
     """
-    if not scale > 0:
-        raise ValueError(f"the scale of a raster must be above 0, got {scale}")
-    width, height = canvas_size(drawing, scale)
-    canvas = np.zeros((height * width, 4), np.float32)
-    order = paint_order(drawing, layers)
-    painted = textured_pixels if texture and drawing.texture is not None else flat_pixels
-    for crop, pixel, color in painted(drawing, order, scale):
-        at = (
-            pixel + crop.x0
-            if crop.w == width
-            else pixel // max(crop.w, 1) * (width - crop.w) + pixel + crop.x0
+
+    start: np.ndarray
+    length: np.ndarray
+    direction: np.ndarray
+    half: np.ndarray
+    u: np.ndarray
+    overhang: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    arm: np.ndarray
+
+    @classmethod
+    def of(cls, band: Ribbon, ends: np.ndarray, first_arm: int) -> _Segments:
+        """Those of one ribbon, cut at the points `ends` (A+1,); its arms count from `first_arm`."""
+        d = np.diff(band.xy, axis=0)
+        length = np.hypot(d[:, 0], d[:, 1])
+        u = band.along / band.length
+        first, last = np.zeros(len(d), bool), np.zeros(len(d), bool)
+        first[ends[:-1]] = last[ends[1:] - 1] = True
+        return cls(
+            start=band.xy[:-1],
+            length=length,
+            direction=d / length[:, None],
+            half=np.stack([band.half[:-1], band.half[1:]], axis=1),
+            u=np.stack([u[:-1], u[1:]], axis=1),
+            overhang=_overhang(d, ends, band.closed),
+            first=first,
+            last=last,
+            arm=first_arm + np.repeat(np.arange(len(ends) - 1), np.diff(ends)),
         )
-        at = at + crop.y0 * width
-        canvas[at] = color + canvas[at] * (1.0 - color[:, 3:])
-    canvas = canvas.reshape(height, width, 4)
-    alpha = canvas[..., 3:]
-    if background is not None:
-        rgb = canvas[..., :3] + (1.0 - alpha) * np.float32(background)
-        return np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
-    rgb = canvas[..., :3] / np.maximum(alpha, 1e-6)
-    return np.rint(np.clip(np.concatenate([rgb, alpha], axis=-1), 0, 1) * 255).astype(np.uint8)
+
+    @classmethod
+    def concatenate(cls, pieces: list[_Segments]) -> _Segments:
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
+
+
+def _segments_and_arms(bands: list[Ribbon], crops: list[Crop]) -> tuple[_Segments, _Arms]:
+    """Cut ribbons into arms, and these into segments."""
+    segments, owners, numbers, cuts = [], [], [], []
+    boxes: list[Crop] = []
+    for number, (band, crop) in enumerate(zip(bands, crops, strict=True)):
+        band = _shortened(band)
+        ends, edge = _arm_ends(band.xy), (crop.x0 + crop.w, crop.y0 + crop.h)
+        segments.append(_Segments.of(band, ends, len(boxes)))
+        for k, (a, b) in enumerate(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)):
+            owners.append(number)
+            numbers.append(k)
+            cuts.append((band.closed or a > 0, band.closed or b < len(band.xy) - 1))
+            boxes.append(crop_of(band.xy[a : b + 1], band.half[a : b + 1], edge))
+    arms = _Arms(np.array(owners), np.array(numbers), np.array(cuts), _Boxes.of(boxes))
+    return _Segments.concatenate(segments), arms
+
+
+def _shortened(band: Ribbon) -> Ribbon:
+    """A ribbon whose segments are not much longer than it is wide."""
+    xy, half, along = _short_steps(band.xy, band.half, band.along)
+    return Ribbon(xy, half, along, band.closed)
+
+
+def _arm_ends(xy: np.ndarray) -> np.ndarray:
+    """The points (A+1,) at which arms of a centre line begin and end: after turns by ARM_TURN."""
+    d = np.diff(xy, axis=0)
+    heading = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
+    cuts = [0]
+    if np.ptp(heading) > ARM_TURN:
+        low = high = float(heading[0])
+        for k, angle in enumerate(heading.tolist()):
+            low, high = min(low, angle), max(high, angle)
+            if high - low > ARM_TURN and k > cuts[-1]:
+                cuts.append(k)
+                low = high = angle
+    return np.array([*cuts, len(xy) - 1])
+
+
+def _overhang(d: np.ndarray, ends: np.ndarray, closed: bool) -> np.ndarray:
+    """`_Segments.overhang` of one ribbon's segments d (K, 2), px.
+
+    Round a point's outer side pixels lie behind the segment that leaves it, or ahead of the one
+    that arrives; at a cut end, anywhere up to the half width.
+    """
+    heading = np.arctan2(d[:, 1], d[:, 0])
+    bend = np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi)
+    at_point = np.r_[float(closed), np.where(bend < 0.5 * np.pi, np.sin(bend), 1.0), float(closed)]
+    at_point[ends[1:-1]] = 1.0
+    return np.stack([at_point[:-1], at_point[1:]], axis=1)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Pixels within ribbons, each once for every segment that it lies beside.
+
+    Parameters
+    ----------
+    segment : (P,) int
+    x, y : (P,) int
+    foot : (P,) px along the segment to the point nearest to the pixel's centre
+    distance : (P,) float32, px to that point
+    spare : (P,) bool, whether it lies past a cut end of the segment's arm
+    """
+
+    segment: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    foot: np.ndarray
+    distance: np.ndarray
+    spare: np.ndarray
+
+    def take(self, index: np.ndarray) -> _Found:
+        return _Found(*(getattr(self, field.name)[index] for field in fields(self)))
+
+
+def _pixels_beside(segments: _Segments, arms: _Arms) -> _Found:
+    """The pixels that lie beside segments, within the half width there."""
+    h0, h1 = segments.half.T
+    wide = np.maximum(h0, h1)
+    slabs = _Slabs.along(segments, wide, segments.overhang * wide[:, None])
+    boxes, arm = arms.boxes, segments.arm
+    low = np.stack([boxes.x0, boxes.y0], axis=1)[arm]
+    k, x, y = slabs.pixels(low, low + np.stack([boxes.w, boxes.h], axis=1)[arm])
+    ahead, aside = _ahead_and_aside(segments, k, x, y)
+    foot = np.clip(ahead, 0.0, segments.length[k])
+    distance = np.hypot(ahead - foot, aside)
+    near = distance <= h0[k] + ((h1 - h0) / segments.length)[k] * foot
+    before = (ahead < 0) & segments.first[k]
+    past = (ahead > segments.length[k]) & segments.last[k]
+    cut = arms.cut[arm[k]]
+    near &= ~(before & ~cut[:, 0]) & ~(past & ~cut[:, 1])
+    kept = np.flatnonzero(near)
+    return _Found(
+        k[kept],
+        x[kept],
+        y[kept],
+        foot[kept],
+        distance[kept].astype(np.float32),
+        (before | past)[kept],
+    )
+
+
+def _ahead_and_aside(
+    segments: _Segments, k: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where the centres of pixels (x, y) (P,) lie from the beginning of segments k, px.
+
+    Returns
+    -------
+    along the segment (P,), and to its left, along the normal (-t_y, t_x), (P,)
+    """
+    px, py = x + 0.5 - segments.start[k, 0], y + 0.5 - segments.start[k, 1]
+    tx, ty = segments.direction[k, 0], segments.direction[k, 1]
+    return px * tx + py * ty, py * tx - px * ty
+
+
+def _closest_of_each_arm(segments: _Segments, arms: _Arms, found: _Found) -> np.ndarray:
+    """For every pixel of an arm, the one of its segments that is closest: an index into `found`."""
+    arm = segments.arm[found.segment]
+    cell = arms.boxes.first[arm] + arms.boxes.pixel(arm, found.x, found.y)
+    best = np.full(arms.boxes.first[-1], np.inf, np.float32)
+    np.minimum.at(best, cell, found.distance)
+    closest = np.flatnonzero(found.distance == best[cell])
+    pick = np.full(len(best), -1, np.int32)
+    pick[cell[closest]] = closest
+    return pick[pick >= 0]
+
+
+def _coordinates(segments: _Segments, found: _Found) -> tuple[np.ndarray, np.ndarray]:
+    """u and v (P,) of pixels at their segments."""
+    k = found.segment
+    h0, h1 = segments.half.T
+    part = found.foot / segments.length[k]
+    _, aside = _ahead_and_aside(segments, k, found.x, found.y)
+    signed = np.where(aside < 0, -found.distance, found.distance)
+    v = signed / np.maximum(h0[k] + (h1 - h0)[k] * part, 1e-9)
+    u0, u1 = segments.u.T
+    return u0[k] + (u1 - u0)[k] * part, v
+
+
+@dataclass(frozen=True)
+class _Slabs:
+    """Rectangles that lie along directions.
+
+    Parameters
+    ----------
+    middle : (K, 2) px
+    direction : (K, 2), unit
+    reach : (K,) px from the middle to both ends
+    half : (K,) px from the middle to both sides
+    """
+
+    middle: np.ndarray
+    direction: np.ndarray
+    reach: np.ndarray
+    half: np.ndarray
+
+    @classmethod
+    def along(cls, segments: _Segments, half: np.ndarray, overhang: np.ndarray) -> _Slabs:
+        """About segments, `half` (K,) px to both sides, `overhang` (K, 2) px beyond both ends."""
+        length = segments.length
+        reach = 0.5 * (length + overhang.sum(axis=1)) + 1e-6
+        to_middle = 0.5 * (length + overhang[:, 1] - overhang[:, 0])
+        middle = segments.start + to_middle[:, None] * segments.direction
+        return cls(middle, segments.direction, reach, half)
+
+    def pixels(
+        self, low: np.ndarray, high: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Every pixel whose centre lies within, from `low` (K, 2) up to `high` (K, 2) alone.
+
+        Returns
+        -------
+        rectangle (P,), x (P,), y (P,)
+        """
+        dx, dy = self.direction.T
+        tall = self.reach * np.abs(dy) + self.half * np.abs(dx)
+        top, bottom = self.middle[:, 1] - tall, self.middle[:, 1] + tall
+        k, y = _ranges(*_pixels_between(top, bottom, low[:, 1], high[:, 1]))
+        left, right = self._chord(k, y)
+        row, x = _ranges(*_pixels_between(left, right, low[k, 0], high[k, 0]))
+        return k[row], x, y[row]
+
+    def _chord(self, k: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where rows y (R,) of pixels enter and leave rectangles k."""
+        rise = y + 0.5 - self.middle[k, 1]
+        # |x dx + rise dy| <= reach and |rise dx - x dy| <= half, for x from the middle
+        dx, dy = self.direction.T
+        safe_x, safe_y = (np.where(np.abs(d) > 1e-9, d, 1e-9)[k] for d in (dx, dy))
+        a, b = -rise * dy[k] / safe_x, self.reach[k] / np.abs(safe_x)
+        c, e = rise * dx[k] / safe_y, self.half[k] / np.abs(safe_y)
+        x = self.middle[k, 0]
+        return np.maximum(a - b, c - e) + x, np.minimum(a + b, c + e) + x
+
+
+def _pixels_between(
+    start: np.ndarray, end: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Begin and end of the pixels low:high (K,) whose middles lie from `start` to `end` (K,) px."""
+    begin = np.clip(np.ceil(start - 0.5), low, high).astype(np.int64)
+    return begin, np.clip(np.floor(end - 0.5) + 1, low, high).astype(np.int64)

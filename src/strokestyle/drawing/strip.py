@@ -168,7 +168,7 @@ def carried_strip(
     carry = _Carry.between(before, after, was, strip.shape[0])
     away = np.abs(across(columns)) * carry.new_half
     was_away = carry.distance_before(away, margin)
-    look = _LookUp(*strip.shape[:2], before.closed)
+    look = _LookUp(strip.shape[0], strip.shape[1], before.closed)
     side = np.sign(across(columns))
     column = look.column(side * was_away, carry.old_half)
     made = look.at_all(strip, carry.row, column)
