@@ -15,6 +15,7 @@ from strokestyle.fit.exemplar import separate
 from strokestyle.geometry.curves import KINDS, Curves, simplify
 from strokestyle.render.config import StyleConfig
 from strokestyle.render.features import plan
+from strokestyle.render.plan import Planned
 
 SIZE = 360  # px, the canvas
 SPACING = 3.0  # px between the points of curves and of planned strokes
@@ -135,6 +136,32 @@ def taper(s, length, xy):
 def deeper_is_wider(s, length, xy):
     """From 2 px at the left, where depth is least, to 8 px."""
     return 2.0 + 6.0 * xy[:, 0] / SIZE
+
+
+# ------------------------------------------------------------------------------- planned strokes
+
+
+def planned(*lines, past=0):
+    """Strokes along polylines of points 3 px apart, the first and last `past` of which overshoot."""
+    offsets = np.r_[0, np.cumsum([len(line) for line in lines])]
+    beyond = np.zeros(offsets[-1])
+    for a, b in zip(offsets[:-1], offsets[1:], strict=True):
+        for k in range(past):
+            beyond[[a + past - 1 - k, b - past + k]] = 3.0 * (k + 1)
+    rows = np.arange(offsets[-1])
+    return Planned(
+        np.concatenate(lines).astype(float),
+        offsets,
+        np.zeros(len(lines), np.int8),
+        np.stack([rows, rows], axis=1),
+        np.zeros(len(rows)),
+        beyond,
+    )
+
+
+def level(y, first=20, last=280):
+    x = np.arange(first, last, 3.0)
+    return np.stack([x, np.full(len(x), float(y))], axis=1)
 
 
 # -------------------------------------------------------------------------------------- geometry

@@ -91,7 +91,8 @@ def test_residuals_have_the_spread_of_the_hand(rms):
     assert slow.std() < 0.1 * across.std()
     # and the style draws with them: about the law's line, as far off as the drawing's strokes
     drawn = compare(style.draw(UNSEEN, seed=3).strokes, Law().strokes(UNSEEN))
-    assert drawn.outside.std() == pytest.approx(fast.std(), abs=0.07)
+    # where runs fade into each other, and where the law is a little off, adds to it
+    assert 0.8 * fast.std() < drawn.outside.std() < fast.std() + 0.15
 
 
 def test_half_the_residuals_are_half_as_large_and_none_are_none():
