@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from stroke_zoo import stroke, together, zoo
 
-from strokestyle.drawing.outline import exact_rings, outline, outlines
+from strokestyle.drawing.outline import exact_rings, outlines
 from strokestyle.drawing.strokes import Strokes, signed_distance
 from strokestyle.geometry.bezier import fit_cubics
 from strokestyle.geometry.polygons import winding_number
+
+
+def outline(line, tolerance=0.1):
+    """The rings of a drawing's only, or first, stroke."""
+    return outlines(line, tolerance, [0])[0]
 
 
 def walked(ring, steps=12):
@@ -21,7 +26,7 @@ def walked(ring, steps=12):
 def test_outline_is_the_union_of_discs_within_tolerance(name):
     line = zoo()[name]
     tolerance = 0.1
-    rings = [walked(ring, 16) for ring in outline(line, 0, tolerance)]
+    rings = [walked(ring, 16) for ring in outline(line, tolerance)]
     x, y = np.meshgrid(np.arange(0, 140, 0.9) + 0.013, np.arange(0, 140, 0.9) + 0.017)
     points = np.stack([x.ravel(), y.ravel()], axis=1)
     distance = signed_distance(line.xy, 0.5 * line.thickness, points)
@@ -43,7 +48,7 @@ def worst(line, tolerance=0.1, count=20000):
 
     Most lie close to the outline's own curves: spikes and slits do.
     """
-    rings = [walked(ring, 48) for ring in outline(line, 0, tolerance)]
+    rings = [walked(ring, 48) for ring in outline(line, tolerance)]
     on = np.concatenate(rings)
     rng = np.random.default_rng(0)
     reach = line.thickness.max()
@@ -136,14 +141,14 @@ def test_scribbles_are_filled_too(seed):
 @pytest.mark.parametrize("angle", np.linspace(0.1, 6.0, 7))
 def test_exact_hairpins_have_a_round_turn_whichever_way_they_lie(angle):
     to = 60 + 40 * np.array([np.cos(angle), np.sin(angle)])
-    (ring,) = outline(stroke([[60, 60], to, [60, 60]], 12), 0)
+    (ring,) = outline(stroke([[60, 60], to, [60, 60]], 12))
     tip = to + 5.5 * np.array([np.cos(angle), np.sin(angle)])
     assert winding_number(walked(ring), tip[None])[0] != 0
 
 
 @pytest.mark.parametrize("name", zoo())
 def test_every_ring_closes_and_is_finite(name):
-    for ring in outline(zoo()[name], 0):
+    for ring in outline(zoo()[name]):
         assert ring.shape[1:] == (4, 2) and np.isfinite(ring).all()
         assert np.array_equal(ring[:, 3], np.roll(ring[:, 0], -1, axis=0))
 
@@ -151,15 +156,15 @@ def test_every_ring_closes_and_is_finite(name):
 def test_smooth_strokes_take_few_nodes():
     t = np.linspace(0, 1, 100)
     xy = np.stack([50 + 300 * t, 100 + 40 * np.sin(4 * t)], axis=1)
-    (ring,) = outline(stroke(xy, 4 + 6 * np.sin(np.pi * t)), 0)
+    (ring,) = outline(stroke(xy, 4 + 6 * np.sin(np.pi * t)))
     assert len(ring) <= 20
-    (loose,) = outline(stroke(xy, 4 + 6 * np.sin(np.pi * t)), 0, tolerance=1.0)
+    (loose,) = outline(stroke(xy, 4 + 6 * np.sin(np.pi * t)), 1.0)
     assert len(loose) < len(ring)
 
 
 def test_closed_stroke_has_two_rings_and_a_hole():
     line = zoo()["closed"]
-    rings = [walked(ring) for ring in outline(line, 0)]
+    rings = [walked(ring) for ring in outline(line)]
     assert len(rings) == 2
     assert sum(winding_number(ring, np.array([[60.0, 60.0]])) for ring in rings) == 0
 
@@ -167,13 +172,13 @@ def test_closed_stroke_has_two_rings_and_a_hole():
 def test_outlines_of_many_equal_those_of_each():
     parts = list(zoo().values())[:6]
     for i, rings in enumerate(outlines(together(*parts))):
-        for ring, alone in zip(rings, outline(parts[i], 0), strict=True):
+        for ring, alone in zip(rings, outline(parts[i]), strict=True):
             assert ring == pytest.approx(alone, abs=1e-6)
 
 
 def test_outline_needs_a_tolerance():
     with pytest.raises(ValueError, match="tolerance"):
-        outline(zoo()["eight"], 0, 0.0)
+        outline(zoo()["eight"], 0.0)
 
 
 def test_without_strokes_there_are_no_outlines():
