@@ -8,8 +8,12 @@ import pytest
 import shapes
 import trimesh
 
-from strokestyle.mesh import read as mesh_files
-from strokestyle.mesh.read import read_mesh, read_obj, read_ply, read_stl
+from strokestyle.mesh.read import read_mesh
+from strokestyle.mesh.read_obj import read_obj
+from strokestyle.mesh.read_ply import read_ply
+from strokestyle.mesh.read_stl import read_stl
+from strokestyle.mesh.read_with_trimesh import read_with_trimesh
+from strokestyle.mesh.triangles import LeftToTrimesh
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
@@ -257,7 +261,7 @@ def test_the_common_kinds_are_read_as_by_trimesh(tmp_path, kind, read):
     data = trimesh.Trimesh(*shapes.torus(1, 0.4, 12, 8), process=False).export(file_type=kind)
     path = tmp_path / f"x.{kind}"
     path.write_bytes(data)
-    ours, theirs = read(data), mesh_files._read_with_trimesh(path, f".{kind}")
+    ours, theirs = read(data), read_with_trimesh(path)
     assert np.array_equal(ours[0][ours[1]], theirs[0][theirs[1]])
     assert all(np.array_equal(a, b) for a, b in zip(read_mesh(path), ours, strict=True))
 
@@ -273,9 +277,9 @@ def test_what_is_uncommon_is_left_to_trimesh(tmp_path):
         text.replace("4 0 1 2 3", "3 0 1 9"),
         text[:-30],
     ):
-        with pytest.raises(ValueError):
+        with pytest.raises(LeftToTrimesh):
             read_ply(uncommon.encode())
-    with pytest.raises(ValueError):
+    with pytest.raises(LeftToTrimesh):
         read_stl(b" " * 80 + b"\1\0\0\0" + b"\0" * 100)
     path = tmp_path / "mixed.ply"
     path.write_text(text)

@@ -207,23 +207,18 @@ class Surface:
 
 
 def load_surface(path: str | Path, smooth: float = 0.0, crease: float = DEFAULT_CREASE) -> Surface:
-    """Read a mesh file of any format that `mesh_files` knows; scenes become one surface with named parts.
+    """Read a mesh file of any format that `read_mesh` knows; scenes become one surface with named parts.
 
     `smooth` : standard deviation, in mean edge lengths, of the smoothing of normals and curvatures.
     `crease` : angle in degrees between two faces from which on normals and curvatures do not run over their edge.
 
     Raises OSError where the file cannot be opened, ValueError where it holds no surface; either names the file.
     """
-    path = Path(path)
-    if path.is_dir():
-        raise IsADirectoryError(f"{path}: a folder, not a mesh file")
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: no such file")
-    if not path.stat().st_size:
-        raise ValueError(f"{path}: the file is empty")
-    vertices, faces, part, names = read_mesh(path)
+    found = read_mesh(path)
     try:
-        return make_surface(vertices, faces, smooth, crease, part, names)
+        return make_surface(
+            found.vertices, found.faces, smooth, crease, found.part, found.part_names
+        )
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

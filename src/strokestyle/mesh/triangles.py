@@ -3,10 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+
+
+class Triangles(NamedTuple):
+    """What a mesh file holds: polygons cut into triangles, of several named parts.
+
+    vertices : (V, 3) float64
+    faces : (F, 3) int64, naming vertices that exist
+    part, part_names : (F,) int64, index into the names; "" where the file gives a part no name
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    part: np.ndarray
+    part_names: tuple[str, ...]
+
+
+class LeftToTrimesh(ValueError):
+    """A file is of a kind that a reader of ours leaves to trimesh."""
 
 
 def bends(

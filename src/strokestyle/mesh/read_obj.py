@@ -1,0 +1,175 @@
+"""Read Wavefront OBJ files."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from .triangles import Triangles
+
+_SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
+_NO_KEYWORDS = bytes.maketrans(b"vf", b"  ")
+
+
+def read_obj(data: bytes) -> Triangles:
+    """Read the faces of a Wavefront OBJ file; polygons are cut into fans, each object (`o`) is a part.
+
+    Where there are no objects, groups (`g`) are parts; "default" is no name of one. Everything that
+    shape does not need is skipped: texture coordinates, normals, colours, materials, curves.
+
+    Raises
+    ------
+    ValueError
+        naming the line, where a vertex or a face cannot be read or a face names no vertex.
+    """
+    lines = _Lines.of(data)
+    vertices = _read_vertices(lines)
+    faces, line = _read_faces(lines, len(vertices))
+    part, names = _read_parts(lines, line)
+    return Triangles(vertices, faces, part, names)
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """The lines of a file, those that go on in the next one joined.
+
+    Parameters
+    ----------
+    data : bytes, one space between words at least, line feeds at the ends of lines
+    start : (L+1,) int, where each line begins in `data`, and an empty one after the last
+    first : (L+1,) uint8, the first byte of each line
+    spaced : (L+1,) bool, the second one is a space
+    """
+
+    data: bytes
+    start: np.ndarray
+    first: np.ndarray
+    spaced: np.ndarray
+
+    @classmethod
+    def of(cls, data: bytes) -> _Lines:
+        if b"\r\n" in data:
+            data = data.replace(b"\r\n", b"\n")
+        if any(byte in data for byte in b"\t\v\f\r"):
+            data = data.translate(_SPACES)
+        data = b"\n" + data + b"\n\n\n"
+        if b"\\\n" in data:
+            data = data.replace(b"\\\n", b" ")
+        if b"\n " in data:
+            data = re.sub(rb"\n +", b"\n", data)
+        text = np.frombuffer(data, np.uint8)
+        start = np.flatnonzero(text == ord("\n"))[:-2] + 1
+        return cls(data, start, text[start], text[start + 1] == ord(" "))
+
+    def have(self, keyword: str) -> np.ndarray:
+        """Tell which lines begin with a keyword of one letter, (L+1,) bool."""
+        return self.spaced & (self.first == ord(keyword))
+
+    def text(self, line: int) -> str:
+        return self.data[self.start[line] : self.start[line + 1] - 1].decode("utf-8", "replace")
+
+    def error(self, line: int, what: str) -> ValueError:
+        """Make the error that says what is wrong with a line."""
+        text = " ".join(self.text(line).split())
+        return ValueError(f"line {line + 1}, {text[:40]!r}: {what}")
+
+    def bodies(self, which: np.ndarray) -> bytes:
+        """Join the lines `which` (rising), without keyword and comments."""
+        run = np.flatnonzero(np.diff(which, prepend=-2) != 1)
+        if not len(run):
+            return b""
+        low = self.start[which[run]].tolist()
+        high = self.start[which[np.r_[run[1:], len(which)] - 1] + 1].tolist()
+        bodies = b"".join([self.data[a:b] for a, b in zip(low, high, strict=True)])
+        if b"#" in bodies:
+            bodies = re.sub(rb"#[^\n]*", b"", bodies)
+        return bodies.translate(_NO_KEYWORDS)
+
+    def numbers(self, bodies: bytes, kind: type, which: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Read the numbers in the bodies of lines `which` (M,): all of them, and how many (M,) each line holds."""
+        text = np.frombuffer(bodies, np.uint8)
+        word = text > ord(" ")
+        first = np.flatnonzero(word & ~np.r_[False, word[:-1]])
+        dtype = np.int64 if kind is int else np.float64
+        last = np.flatnonzero(text == ord("\n"))
+        count = np.diff(np.searchsorted(first, last), prepend=0)
+        if not len(first):  # numpy makes one number of an empty text
+            return np.zeros(0, dtype), count
+        with warnings.catch_warnings():
+            # at a word that is no number some versions of numpy stop and warn, others raise
+            warnings.simplefilter("ignore")
+            try:
+                values = np.fromstring(bodies, dtype, sep=" ")
+            except ValueError:
+                values = np.zeros(0, dtype)
+        if len(values) != len(first):
+            words = enumerate(bodies.split())
+            bad = next((i for i, word in words if not _reads_as(kind, word)), len(first) - 1)
+            at = which[np.searchsorted(np.cumsum(count), bad, side="right")]
+            raise self.error(int(at), "not a number")
+        return values, count
+
+
+def _reads_as(kind: type, word: bytes) -> bool:
+    try:
+        kind(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _read_vertices(lines: _Lines) -> np.ndarray:
+    """Read the vertices (V, 3) float64; weights and colours behind the coordinates are dropped."""
+    which = np.flatnonzero(lines.have("v"))
+    values, count = lines.numbers(lines.bodies(which), float, which)
+    if (count < 3).any():
+        raise lines.error(int(which[np.argmax(count < 3)]), "a vertex has three coordinates")
+    if (count == 3).all():
+        return values.reshape(-1, 3)
+    begin = np.cumsum(count) - count
+    return values[begin[:, None] + np.arange(3)]
+
+
+def _read_faces(lines: _Lines, vertices: int) -> tuple[np.ndarray, np.ndarray]:
+    """Read the polygons as fans of triangles: faces (F, 3) int64 over so many vertices, and the line (F,) of each."""
+    which = np.flatnonzero(lines.have("f"))
+    bodies = lines.bodies(which)
+    if b"/" in bodies:
+        bodies = re.sub(rb"/[-+/0-9]*", b"", bodies)
+    corner, count = lines.numbers(bodies, int, which)
+    line = np.repeat(which, count)
+    known = np.cumsum(lines.have("v"))[line]  # vertices before the face: -1 is the last of them
+    corner = np.where(corner < 0, corner + known, corner - 1)
+    lost = (corner < 0) | (corner >= vertices)
+    if lost.any():
+        what = f"a face names a vertex that is none of the {vertices}"
+        raise lines.error(int(line[np.argmax(lost)]), what)
+    faces, polygon = _fans(corner, count)
+    return faces, which[polygon]
+
+
+def _fans(corner: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cut polygons of `count` (P,) corners each into fans about their first: faces (F, 3), and the polygon of each."""
+    size = np.maximum(count - 2, 0)  # triangles of each fan
+    polygon = np.repeat(np.arange(len(count)), size)
+    k = np.arange(len(polygon)) - np.repeat(np.cumsum(size) - size, size)
+    begin = (np.cumsum(count) - count)[polygon]
+    return corner[np.stack([begin, begin + k + 1, begin + k + 2], axis=1)], polygon
+
+
+def _read_parts(lines: _Lines, line: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Read the objects, or the groups where there are none: the part of the face in each `line` (F,), and the names."""
+    opens = lines.have("o")
+    grouped = not opens.any()
+    if grouped:
+        opens = lines.have("g")
+    names = [""] + [lines.text(at)[2:].strip() for at in np.flatnonzero(opens).tolist()]
+    if grouped:
+        names = ["" if name == "default" else name for name in names]
+    number = {name: i for i, name in enumerate(names)}  # objects of one name are one part
+    of_object = np.array([number[name] for name in names])
+    present, part = np.unique(of_object[np.cumsum(opens)[line]], return_inverse=True)
+    return part.ravel(), tuple(names[i] for i in present)

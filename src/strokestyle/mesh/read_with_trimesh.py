@@ -1,0 +1,135 @@
+"""Read mesh files and scenes of any format with trimesh."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from .triangles import Triangles
+
+# What trimesh needs on top of itself to read a format.
+_EXTRA_PACKAGES = {
+    ".3mf": "lxml networkx",
+    ".xaml": "lxml",
+    ".dae": "pycollada",
+    ".zae": "pycollada",
+    ".step": "cascadio",
+    ".stp": "cascadio",
+    ".ctm": "python-openctm",
+    ".dxf": "ezdxf",
+    ".msh": "gmsh",
+}
+_MADE_UP = r"((geometry|GLTF|world)(_\d+)?|\d+)?"  # trimesh's own names of parts
+
+
+def read_with_trimesh(path: Path) -> Triangles:
+    """Read all parts of a scene, its transforms applied; of a file without faces, its points.
+
+    trimesh is imported here, at the first such file: its import takes 0.2 s.
+
+    Raises
+    ------
+    OSError
+        where the file cannot be opened
+    ValueError
+        where trimesh cannot read it, or lacks a package for that
+    """
+    import trimesh
+
+    suffix = path.suffix.lower()
+    _check_format(path, suffix, trimesh.available_formats())
+    try:
+        with _silence():
+            scene = trimesh.load_scene(str(path), process=False)
+            above = scene.graph.transforms.parents
+            pieces = [piece for piece in scene.dump() if len(getattr(piece, "vertices", ()))]
+    except OSError as error:
+        raise type(error)(f"{path}: cannot be read ({one_line(error)})") from None
+    except ImportError as error:
+        extra = _EXTRA_PACKAGES.get(suffix) or error.name or "the package it names"
+        raise _lacks(path, suffix, extra) from None
+    except Exception as error:  # a damaged file can fail anywhere inside a parser, in any way
+        raise ValueError(
+            f"{path}: damaged, or not in {suffix[1:]} format ({one_line(error)})"
+        ) from None
+    meshes = [piece for piece in pieces if isinstance(piece, trimesh.Trimesh) and len(piece.faces)]
+    if not meshes:
+        return Triangles(_points(pieces), np.zeros((0, 3), np.int64), np.zeros(0, np.int64), ())
+    return _together(meshes, tuple(_part_name(mesh.metadata, above, path) for mesh in meshes))
+
+
+def _check_format(path: Path, suffix: str, known: set[str]) -> None:
+    """Raise ValueError where trimesh does not know a format, or lacks a package for it."""
+    if suffix.lstrip(".") in known:
+        return
+    if suffix in _EXTRA_PACKAGES:
+        raise _lacks(path, suffix, _EXTRA_PACKAGES[suffix])
+    what = f"{suffix} is not a mesh format" if suffix else "no suffix to tell the mesh format by"
+    raise ValueError(f"{path}: {what}; use obj, ply, stl, off or glb")
+
+
+def _lacks(path: Path, suffix: str, extra: str) -> ValueError:
+    return ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}")
+
+
+def _points(pieces: list) -> np.ndarray:
+    """Gather the points (N, 3) of pieces without faces; those of the plane have height 0."""
+    points = [np.zeros((0, 3))]
+    for piece in pieces:
+        own = np.asarray(piece.vertices, np.float64)
+        points.append(np.pad(own, ((0, 0), (0, 3 - own.shape[1]))))
+    return np.concatenate(points)
+
+
+def _together(meshes: list, names: tuple[str, ...]) -> Triangles:
+    """Lay trimesh's meshes one after the other, each a part."""
+    offset = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
+    return Triangles(
+        np.concatenate([np.asarray(mesh.vertices, np.float64) for mesh in meshes]),
+        np.concatenate(
+            [np.asarray(m.faces, np.int64) + at for m, at in zip(meshes, offset, strict=True)]
+        ),
+        np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
+        names,
+    )
+
+
+def _part_name(metadata: dict, above: dict[str, str], path: Path) -> str:
+    """Find the name that the file gives a part, "" where trimesh made one up.
+
+    `above` : the node over each node of the scene
+    """
+    node, name = str(metadata.get("node") or ""), str(metadata.get("name") or "")
+    parent = str(above.get(node) or "")
+    if parent and re.fullmatch(re.escape(parent) + "_[0-9a-f]{6}", node):
+        node = parent  # one of several pieces of a mesh, such as those of different materials
+    given = (
+        text for text in (node, name) if text != path.name and not re.fullmatch(_MADE_UP, text)
+    )
+    return next(given, "")
+
+
+def one_line(error: Exception) -> str:
+    """Say what an error of another library says, in at most 120 characters of one line."""
+    text = " ".join(str(error).split())
+    return text[:120] if text else type(error).__name__
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Keep a reader's log, warnings and floating-point complaints from the user's terminal."""
+    logger = logging.getLogger("trimesh")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.disabled = before
