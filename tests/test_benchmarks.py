@@ -11,6 +11,8 @@ from strokestyle.extract.camera import fit_camera
 from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.rays import Bvh
 from strokestyle.geometry.curves import Curves
+from strokestyle.mesh.read import read_mesh
+from strokestyle.mesh.read_with_trimesh import read_with_trimesh
 from strokestyle.mesh.surface import make_surface
 
 ROOT = Path(__file__).parent.parent
@@ -18,6 +20,7 @@ sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "docs")]
 
 import contact_sheet
 import lines
+import mesh_files
 import sight
 
 T = np.linspace(0.0, 100.0, 60)[:, None]
@@ -122,3 +125,17 @@ def test_a_contact_sheet():
     assert picture.size == (contact_sheet.CELL, 2 * contact_sheet.CELL + contact_sheet.TITLE)
     ink = (np.asarray(picture) < 128)[contact_sheet.TITLE :]
     assert all(0.002 < half.mean() < 0.05 for half in np.split(ink, 2))
+
+
+@pytest.mark.parametrize("form", mesh_files.cases())
+def test_mesh_files_are_read_at_least_as_well_as_by_trimesh(tmp_path, form):
+    wrong = {"ours": set(), "theirs": set()}
+    for case in mesh_files.cases()[form]:
+        path = tmp_path / f"x.{form}"
+        path.write_bytes(case.data)
+        for who, read in (("ours", read_mesh), ("theirs", read_with_trimesh)):
+            if mesh_files.verdict(read, path, case) != "right":
+                wrong[who].add(case.name)
+    assert wrong["ours"] <= wrong["theirs"]
+    if form == "obj":  # the reason why there is a reader of our own
+        assert not wrong["ours"] and {"two objects", "seams of a texture"} <= wrong["theirs"]

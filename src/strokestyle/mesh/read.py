@@ -16,14 +16,15 @@ READERS = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl}  # by suffix; a
 def read_mesh(path: str | Path) -> Triangles:
     """Read all parts of a mesh file, a scene's transforms applied.
 
-    trimesh reads it, but for the kinds of file at which trimesh 5.2.0 was measured to be wrong or slow (docs/meshes.md
-    has the figures, `benchmarks/mesh_files.py` prints them again):
+    trimesh reads it, but for the kinds of file at which trimesh 5.2.0 was measured to be wrong or
+    slow (docs/meshes.md has the figures, benchmarks/mesh_files.py prints them again):
 
-    - OBJ, all of it: of a file with several objects trimesh keeps the first one's name only, its pieces by material
-      have made-up names, it repeats vertices along seams of the texture, reads some damaged files in silence, and
-      takes 1.6 to 4.4 times as long.
-    - PLY, and binary STL, of the common kinds: read rightly, but the import of trimesh alone costs 0.2 s of processor
-      time, 15 % or more of a first `render`. What is uncommon (polygons of several sizes, text in STL) is left to it.
+    - OBJ, all of it: trimesh keeps the first object's name only, makes up parts of materials,
+      repeats vertices along the seams of a texture, reads some damaged lines in silence, and takes
+      1.9 times as long.
+    - PLY whose polygons all have the same number of corners, and binary STL: read rightly, but 3 to
+      17 times as slowly, and the import of trimesh, 0.14 s of processor time, makes a first
+      `render` 1.14 times as long. All other PLY and STL is left to trimesh.
 
     Raises
     ------

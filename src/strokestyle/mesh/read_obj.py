@@ -89,7 +89,7 @@ class _Lines:
         return bodies.translate(_NO_KEYWORDS)
 
     def numbers(self, bodies: bytes, kind: type, which: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Read the numbers in the bodies of lines `which` (M,): all of them, and how many (M,) each line holds."""
+        """Read the numbers in the bodies of lines `which` (M,): all, and how many (M,) each holds."""
         text = np.frombuffer(bodies, np.uint8)
         word = text > ord(" ")
         first = np.flatnonzero(word & ~np.r_[False, word[:-1]])
@@ -134,7 +134,10 @@ def _read_vertices(lines: _Lines) -> np.ndarray:
 
 
 def _read_faces(lines: _Lines, vertices: int) -> tuple[np.ndarray, np.ndarray]:
-    """Read the polygons as fans of triangles: faces (F, 3) int64 over so many vertices, and the line (F,) of each."""
+    """Read the polygons as fans of triangles over so many vertices.
+
+    Returns faces (F, 3) int64, and the line (F,) int of each.
+    """
     which = np.flatnonzero(lines.have("f"))
     bodies = lines.bodies(which)
     if b"/" in bodies:
@@ -152,7 +155,10 @@ def _read_faces(lines: _Lines, vertices: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _fans(corner: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cut polygons of `count` (P,) corners each into fans about their first: faces (F, 3), and the polygon of each."""
+    """Cut polygons of `count` (P,) corners each into fans about their first corner.
+
+    Returns faces (F, 3) int64, and the polygon (F,) int of each.
+    """
     size = np.maximum(count - 2, 0)  # triangles of each fan
     polygon = np.repeat(np.arange(len(count)), size)
     k = np.arange(len(polygon)) - np.repeat(np.cumsum(size) - size, size)
@@ -161,7 +167,10 @@ def _fans(corner: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _read_parts(lines: _Lines, line: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Read the objects, or the groups where there are none: the part of the face in each `line` (F,), and the names."""
+    """Read the objects, or the groups where there are none: the part of the face in each `line` (F,).
+
+    Returns part (F,) int64, index into the second result, the parts' names.
+    """
     opens = lines.have("o")
     grouped = not opens.any()
     if grouped:

@@ -36,10 +36,10 @@ class _Header(NamedTuple):
 
 
 def read_ply(data: bytes) -> Triangles:
-    """Read a PLY file, text or binary, of vertices and then faces, all with the same number of corners.
+    """Read a PLY file of vertices and then faces, all with the same number of corners.
 
-    Polygons are cut into fans about their first corner. A PLY file has no parts.
-    Raises LeftToTrimesh on any other, damaged or not.
+    The body may be text or binary, in either order of bytes. Polygons are cut into fans about
+    their first corner. A PLY file has no parts. Raises LeftToTrimesh on any other, damaged or not.
     """
     try:
         header, body = _read_header(data)
@@ -79,12 +79,12 @@ def _read_header(data: bytes) -> tuple[_Header, bytes]:
     _expect(len(lists) == 1 and len(lists[0]) == 4)
     names = [column[-1] for column in columns]
     _expect(all(len(column) == 2 for column in columns) and len(set(names)) == len(names))
-    pairs = [(kind, name) for kind, name in columns]
-    return _Header(form, vertices, faces, pairs, *lists[0][1:3]), data[header.end() :]
+    typed = [(kind, name) for kind, name in columns]
+    return _Header(form, vertices, faces, typed, *lists[0][1:3]), data[header.end() :]
 
 
 def _read_text(header: _Header, body: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Read vertices (V, 3), how many corners each face says to have (F,), and the corners (F, n)."""
+    """Read vertices (V, 3), how many corners each face says it has (F,), and the corners (F, n)."""
     with warnings.catch_warnings():
         # at a word that is no number some versions of numpy stop and warn, others raise
         warnings.simplefilter("ignore")
