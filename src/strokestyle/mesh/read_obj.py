@@ -15,7 +15,7 @@ _NO_KEYWORDS = bytes.maketrans(b"vf", b"  ")
 
 
 def read_obj(data: bytes) -> Triangles:
-    """Read the faces of a Wavefront OBJ file; polygons are cut into fans, each object (`o`) is a part.
+    """Read the faces of a Wavefront OBJ file: polygons cut into fans, each object (`o`) a part.
 
     Where there are no objects, groups (`g`) are parts; "default" is no name of one. Everything that
     shape does not need is skipped: texture coordinates, normals, colours, materials, curves.
@@ -89,7 +89,7 @@ class _Lines:
         return bodies.translate(_NO_KEYWORDS)
 
     def numbers(self, bodies: bytes, kind: type, which: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Read the numbers in the bodies of lines `which` (M,): all, and how many (M,) each holds."""
+        """Read the numbers in bodies of lines `which` (M,): all, and how many (M,) each holds."""
         text = np.frombuffer(bodies, np.uint8)
         word = text > ord(" ")
         first = np.flatnonzero(word & ~np.r_[False, word[:-1]])
@@ -167,7 +167,7 @@ def _fans(corner: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _read_parts(lines: _Lines, line: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Read the objects, or the groups where there are none: the part of the face in each `line` (F,).
+    """Read the objects, or the groups where there are none, of faces in lines `line` (F,).
 
     Returns part (F,) int64, index into the second result, the parts' names.
     """
