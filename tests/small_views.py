@@ -47,7 +47,7 @@ def a_drawing(view, thickness=5.0):
 
 TINY = replace(
     PRESETS["paper"],
-    patches=(64,),
+    patches=(24,),  # the smallest that the discriminator takes
     batch=2,
     geometry_steps=3,
     geometry_decay=1,

@@ -9,7 +9,9 @@ from small_views import SIZE, TINY, a_drawing, a_view
 
 from strokestyle.drawing.strokes import Strokes
 from strokestyle.extract.feature_maps import FeatureMaps
-from strokestyle.fit import neural_strokes as paper_fit
+from strokestyle.fit.losses import blur, holds_stroke, lsgan_loss, smoothness_loss
+from strokestyle.fit.neural_strokes import falling_rate
+from strokestyle.fit.patches import crop, cut_curves, patch_corners, turned_patches
 from strokestyle.fit.train import PRESETS, fit_style
 from strokestyle.geometry.curves import Curves
 from strokestyle.geometry.parts import Parts
@@ -36,7 +38,7 @@ def test_the_schedule_is_the_papers():
 def test_the_rate_is_constant_then_falls_to_zero():
     weight = torch.nn.Parameter(torch.zeros(1))
     optimiser = torch.optim.SGD([weight], 1.0)
-    steps, schedule = paper_fit._schedule(optimiser, 90, 30, 1.0)
+    steps, schedule = falling_rate(optimiser, 90, 30, 1.0)
     rates = []
     for _ in range(steps):
         rates.append(optimiser.param_groups[0]["lr"])
@@ -53,17 +55,17 @@ def test_the_rate_is_constant_then_falls_to_zero():
 def test_curves_are_cut_at_the_border_of_patches():
     xy = np.array([[1.0, 1], [3, 1], [5, 1], [7, 1], [3, 3], [5, 3], [9, 9]])
     curve = np.array([0, 0, 0, 0, 1, 1, 1])
-    rows, offsets, image = paper_fit.cut_curves(xy, curve, np.array([[2, 0], [0, 0], [50, 50]]), 4)
+    rows, offsets, image = cut_curves(xy, curve, np.array([[2, 0], [0, 0], [50, 50]]), 4)
     # patch 0 sees points 1, 2 of curve 0 and 4, 5 of curve 1; patch 1 sees 0, 1 and (alone, left out) 4
     assert rows.tolist() == [1, 2, 4, 5, 0, 1]
     assert offsets.tolist() == [0, 2, 4, 6] and image.tolist() == [0, 0, 0, 0, 1, 1]
-    rows, offsets, image = paper_fit.cut_curves(xy, curve, np.array([[50, 50]]), 4)
+    rows, offsets, image = cut_curves(xy, curve, np.array([[50, 50]]), 4)
     assert len(rows) == 0 and offsets.tolist() == [0]
 
 
 def test_patches_hold_a_stroke_in_their_centre():
     view = a_view()
-    corners = paper_fit._corners(view, 64)
+    corners = patch_corners(view, 64)
     line = view.maps["plain"] > 0.5
     inner = [line[y + 17 : y + 47, x + 17 : x + 47].any() for x, y in corners[::50]]
     assert len(corners) and all(inner)
@@ -71,19 +73,19 @@ def test_patches_hold_a_stroke_in_their_centre():
         view, maps=FeatureMaps(view.maps.names, np.zeros_like(view.maps.values), view.maps.covered)
     )
     with pytest.raises(ValueError, match="nothing to learn from"):
-        paper_fit._corners(empty, 64)
+        patch_corners(empty, 64)
 
 
 def test_turning_by_nothing_is_a_crop_and_beyond_the_canvas_is_background():
     image = torch.rand(1, 3, 40, 50)
     at = np.array([[5, 7], [20, 10]])
     assert torch.allclose(
-        paper_fit._turned(image, at, 16, np.zeros(2)), paper_fit._crop(image[0], at, 16), atol=1e-5
+        turned_patches(image, at, 16, np.zeros(2)), crop(image[0], at, 16), atol=1e-5
     )
-    quarter = paper_fit._turned(image, at, 16, np.full(2, np.pi / 2))
+    quarter = turned_patches(image, at, 16, np.full(2, np.pi / 2))
     assert torch.allclose(quarter[0], torch.rot90(image[0, :, 7:23, 5:21], 1, (1, 2)), atol=1e-4)
     assert torch.allclose(
-        paper_fit._turned(image, np.array([[-100, -100]]), 16, np.zeros(1)),
+        turned_patches(image, np.array([[-100, -100]]), 16, np.zeros(1)),
         torch.ones(1, 3, 16, 16),
     )
 
@@ -91,25 +93,21 @@ def test_turning_by_nothing_is_a_crop_and_beyond_the_canvas_is_background():
 def test_smoothness_in_closed_form():
     d = torch.tensor([[0.0, 0], [1, 0], [3, 0], [0, 0], [0, 2]])
     # path 1: (1 + 4) / 2; path 2: 4 / 1; the step between the paths does not count
-    assert torch.isclose(
-        paper_fit._smoothness(d, torch.tensor([0, 3, 5])), torch.tensor((2.5 + 4) / 2)
-    )
+    assert torch.isclose(smoothness_loss(d, torch.tensor([0, 3, 5])), torch.tensor((2.5 + 4) / 2))
 
 
 def test_only_patches_with_stroke_in_the_centre_are_judged():
     white = torch.ones(2, 64, 64)
     white[0, 32, 32] = 0
     white[1, 2, 2] = 0
-    assert paper_fit._held(white).tolist() == [1, 0]
+    assert holds_stroke(white).tolist() == [1, 0]
     verdict = torch.tensor([0.0, 100.0]).view(2, 1, 1, 1)
-    assert paper_fit._lsgan(verdict, 1.0, torch.tensor([1.0, 0.0])) == 1.0
-    assert paper_fit._lsgan(verdict, 1.0, torch.zeros(2)) == 0.0
+    assert lsgan_loss(verdict, 1.0, torch.tensor([1.0, 0.0])) == 1.0
+    assert lsgan_loss(verdict, 1.0, torch.zeros(2)) == 0.0
 
 
 def test_a_blur_keeps_the_mean_of_a_flat_image():
-    assert torch.allclose(
-        paper_fit._blur(torch.full((1, 3, 20, 20), 0.3)), torch.full((1, 3, 20, 20), 0.3)
-    )
+    assert torch.allclose(blur(torch.full((1, 3, 20, 20), 0.3)), torch.full((1, 3, 20, 20), 0.3))
 
 
 def test_a_few_steps_from_drawing_to_file_and_back(tmp_path):

@@ -19,7 +19,7 @@ import torch
 
 from ..files import write_bytes
 
-FORMAT = 1
+FORMAT = 2
 
 
 class Checkpoint:

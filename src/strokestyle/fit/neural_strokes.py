@@ -1,10 +1,16 @@
-"""Training as the paper has it (sec. 4), with what its authors' code adds: multi-scale patches, two stages, a GAN."""
+"""Train the paper's networks as it has them (Liu et al. 2021, sec. 4).
+
+What its authors' code adds is in here too: multi-scale patches, two stages, and the way in which
+the adversarial losses are counted.
+"""
 
 from __future__ import annotations
 
 import copy
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -24,11 +30,13 @@ from ..render.neural_strokes import (
 )
 from .checkpoint import Checkpoint
 from .exemplar import Exemplar
-from .progress import Reporter
+from .losses import blur, holds_stroke, lsgan_loss, smoothness_loss
+from .patches import crop, cut_curves, patch_corners, patch_sizes, turned_patches
+from .progress import Report, Reporter
 
-SPENT = 0.95  # of a budget goes into steps; the rest is for what they are not: checkpoints, writing
-CENTRE = 30 / 64  # of a patch's side: where it must hold a stroke pixel (the code)
-JUDGED = 36  # px: patches with no stroke in this centre do not count in the adversarial losses (the code)
+STEPS_SHARE = 0.95  # of a budget of time; the rest is for checkpoints and writing
+TRIAL_SHARE = 0.05  # of a budget, after which larger patches are no longer timed but guessed
+TRIAL_STEPS = 3  # that are timed, the first of which only warms up
 
 
 @dataclass(frozen=True)
@@ -37,12 +45,15 @@ class NeuralStrokesConfig:
 
     Parameters
     ----------
+    preset : its name, kept in the model
     patches : px, one size a batch (paper, sec. 4)
     batch : patches (paper)
     rate : Adam's learning rate (paper)
-    geometry_steps, geometry_decay : iterations, and how many of them, the last, let the rate fall to 0 (code)
+    geometry_steps, geometry_decay : iterations, and how many of them, the last, let the rate fall
+        to 0 (code)
     texture_steps, texture_decay : the same for the texture (code)
-    smoothness, color, blurred, adversarial : weights of L_s, L_t (paper), of L_t after a blur (code), and L_a (paper)
+    smoothness, color, blurred, adversarial : weights of L_s, L_t (paper), of L_t after a blur
+        (code), and L_a (paper)
     schedule : share of all the steps that is run, so that it can be tried on a small machine
     """
 
@@ -61,6 +72,72 @@ class NeuralStrokesConfig:
     schedule: float = 1.0
 
 
+@dataclass(frozen=True)
+class Networks:
+    """The paper's three networks, and the discriminator that the texture is trained against."""
+
+    surface: SurfaceNet
+    path: PathNet
+    texture: TextureNet
+    discriminator: PatchDiscriminator
+
+    @classmethod
+    def of(cls, seed: int, device: torch.device) -> Networks:
+        """Make untrained networks. The same seed makes the same, whatever was drawn before."""
+        with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
+            torch.manual_seed(seed)
+            made = cls(
+                SurfaceNet().to(device),
+                PathNet().to(device),
+                TextureNet().to(device),
+                PatchDiscriminator().to(device),
+            )
+            for network in (made.surface, made.path, made.texture, made.discriminator):
+                initialise(network)
+        return made
+
+
+@dataclass(frozen=True)
+class Exercise:
+    """What the networks learn from, as tensors on one device. Images are white 1, stroke 0.
+
+    Parameters
+    ----------
+    view : the shape as it was drawn
+    maps : (1, 9, H, W), the surface network's input
+    points : (N, 7) of `curve_features`
+    offsets : (C+1,) int64, of the curves
+    mask : (H, W), the artist's strokes
+    rgb : (1, 3, H, W), the artist's drawing
+    """
+
+    view: View
+    maps: Tensor
+    points: Tensor
+    offsets: Tensor
+    mask: Tensor
+    rgb: Tensor
+
+    @classmethod
+    def of(cls, view: View, exemplar: Exemplar, device: torch.device) -> Exercise:
+        """Copy a view and its drawing to a device."""
+        return cls(
+            view,
+            view_maps(view, device),
+            curve_features(view, device),
+            torch.tensor(view.curves.offsets, device=device),
+            torch.tensor(1.0 - exemplar.mask, device=device),
+            torch.tensor(exemplar.rgb, device=device).permute(2, 0, 1)[None],
+        )
+
+    def drawn(self, networks: Networks) -> Tensor:
+        """The strokes (H, W) that the geometry networks draw on the whole canvas."""
+        with torch.no_grad():
+            deep = padded(networks.surface, self.maps)
+            xy, thickness = stroke_geometry(networks.path, deep, self.points, self.offsets)
+            return 1.0 - coverage(xy, thickness, self.offsets, *self.maps.shape[2:])
+
+
 def fit_neural_strokes(
     view: View,
     exemplar: Exemplar,
@@ -74,288 +151,288 @@ def fit_neural_strokes(
 ) -> NeuralStrokesStyle:
     """Train the three networks on one drawing. Same seed, same machine, same weights.
 
-    `until`, on the clock of time.monotonic(), shortens both stages alike, the fall of their rates with them.
-    Raises ValueError where no patch of the view holds a stroke.
+    `until`, on the clock of time.monotonic(), shortens both stages alike, the fall of their rates
+    with them. Raises ValueError where no patch of the view holds a stroke.
     """
-    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
-        torch.manual_seed(seed)
-        surface, path, texture = (
-            SurfaceNet().to(device),
-            PathNet().to(device),
-            TextureNet().to(device),
-        )
-        judge = PatchDiscriminator().to(device)
-        for network in (surface, path, texture, judge):
-            _initialise(network)
+    networks, exercise = Networks.of(seed, device), Exercise.of(view, exemplar, device)
     rng = np.random.default_rng(seed)
-    maps, points = view_maps(view, device), curve_features(view, device)
-    offsets = torch.tensor(view.curves.offsets, device=device)
-    mask = torch.tensor(1.0 - exemplar.mask, device=device)
-    rgb = torch.tensor(exemplar.rgb, device=device).permute(2, 0, 1)[None]
-
-    def geometry(surface, path, config, rng, report, checkpoint) -> None:
-        _train_geometry(surface, path, maps, points, view, mask, config, rng, report, checkpoint)
-
-    def textured(texture, judge, drawn, config, rng, report, checkpoint) -> None:
-        # the texture stage sees the geometry stage's own strokes, not the artist's mask (code)
-        shown = torch.cat([maps[:, :-1], drawn[None, None]], dim=1)
-        _train_texture(texture, judge, shown, rgb, view, config, rng, report, checkpoint)
 
     def affordable() -> float:
-        if until is None:
-            return config.schedule
-        trials = (
-            (
-                config.geometry_steps,
-                lambda *rest: geometry(copy.deepcopy(surface), copy.deepcopy(path), *rest),
-            ),
-            (
-                config.texture_steps,
-                lambda *rest: textured(copy.deepcopy(texture), copy.deepcopy(judge), mask, *rest),
-            ),
-        )
-        start = time.monotonic()
-        needed = sum(
-            steps * _seconds_a_step(train, view, config, device, 0.05 * (until - start))
-            for steps, train in trials
-        )
-        return min(config.schedule, max(0.0, SPENT * (until - time.monotonic()) / needed))
+        return config.schedule if until is None else _affordable(networks, exercise, config, until)
 
     config = replace(config, schedule=checkpoint.chosen("schedule", affordable))
-    stages = {"geometry": config.geometry_steps, "texture": config.texture_steps}
-    known = {name: (checkpoint.load(name) or {"step": 0})["step"] for name in stages}
-    every = {name: max(1, round(steps * config.schedule)) for name, steps in stages.items()}
-    report.total = sum(
-        steps for name, steps in every.items() if known[name] < steps
-    )  # those over are not called
-    geometry(surface, path, config, rng, report, checkpoint)
-    with torch.no_grad():
-        xy, thickness = stroke_geometry(path, padded(surface, maps), points, offsets)
-        drawn = 1.0 - coverage(xy, thickness, offsets, *maps.shape[2:])
-    textured(texture, judge, drawn, config, rng, report, checkpoint)
-    for network in (surface, path, texture):
+    report.total = _steps_to_come(config, checkpoint)
+    _train_geometry(networks, exercise, config, rng, report, checkpoint)
+    # the texture stage sees the geometry stage's own strokes, not the artist's mask (code)
+    drawn = exercise.drawn(networks)
+    _train_texture(networks, exercise, drawn, config, rng, report, checkpoint)
+    for network in (networks.surface, networks.path, networks.texture):
         network.eval()
-    return NeuralStrokesStyle(surface, path, texture, about)
+    return NeuralStrokesStyle(networks.surface, networks.path, networks.texture, about)
+
+
+# ------------------------------------------------------------------------------------------ budget
+
+
+def _affordable(
+    networks: Networks, exercise: Exercise, config: NeuralStrokesConfig, until: float
+) -> float:
+    """The share of the schedule that fits in the time until then, timed on copies."""
+
+    def geometry(few: NeuralStrokesConfig, tick: Report) -> None:
+        trial, rng = copy.deepcopy(networks), np.random.default_rng(0)
+        _train_geometry(trial, exercise, few, rng, tick, Checkpoint())
+
+    def texture(few: NeuralStrokesConfig, tick: Report) -> None:
+        trial, rng = copy.deepcopy(networks), np.random.default_rng(0)
+        _train_texture(trial, exercise, exercise.mask, few, rng, tick, Checkpoint())
+
+    allowed = TRIAL_SHARE * (until - time.monotonic())
+    sizes = patch_sizes(exercise.view, config.patches)
+    needed = sum(
+        steps * _seconds_a_step(train, sizes, config, exercise.maps.device, allowed)
+        for steps, train in ((config.geometry_steps, geometry), (config.texture_steps, texture))
+    )
+    return min(config.schedule, max(0.0, STEPS_SHARE * (until - time.monotonic()) / needed))
 
 
 def _seconds_a_step(
-    train, view: View, config: NeuralStrokesConfig, device: torch.device, most: float
+    train: Callable[[NeuralStrokesConfig, Report], None],
+    sizes: list[int],
+    config: NeuralStrokesConfig,
+    device: torch.device,
+    allowed: float,
 ) -> float:
-    """Mean over the patch sizes of one step's time, on copies. After `most` seconds larger patches are guessed."""
-    start, each, sizes = time.monotonic(), [], _sizes(view, config)
+    """Mean over the patch sizes of one step's time; after `allowed` seconds it is guessed."""
+    start = time.monotonic()
+    each: list[float] = []
     for i, size in enumerate(sizes):
-        if each and time.monotonic() - start > most:
+        if each and time.monotonic() - start > allowed:
             each.append(each[-1] * (size / sizes[i - 1]) ** 2)
             continue
-        clock = []
+        clock: list[float] = []
 
-        def tick(*_, clock=clock) -> None:
+        def tick(*_: object, clock: list[float] = clock) -> None:
             if device.type == "cuda":
                 torch.cuda.synchronize(device)
             clock.append(time.monotonic())
 
-        few = replace(config, patches=(size,), geometry_steps=3, texture_steps=3, schedule=1.0)
-        train(few, np.random.default_rng(0), tick, Checkpoint())
-        each.append((clock[-1] - clock[0]) / (len(clock) - 1))  # the first step also warms up
+        few = replace(config, patches=(size,), schedule=1.0)
+        train(replace(few, geometry_steps=TRIAL_STEPS, texture_steps=TRIAL_STEPS), tick)
+        each.append((clock[-1] - clock[0]) / (len(clock) - 1))
     return float(np.mean(each))
 
 
+def _steps_to_come(config: NeuralStrokesConfig, checkpoint: Checkpoint) -> int:
+    """The steps of the stages that are not over: those that are report nothing."""
+    total = 0
+    for stage, steps in (("geometry", config.geometry_steps), ("texture", config.texture_steps)):
+        done = (checkpoint.load(stage) or {"step": 0})["step"]
+        shortened = max(1, round(steps * config.schedule))
+        total += shortened if done < shortened else 0
+    return total
+
+
+# ---------------------------------------------------------------------------------------- geometry
+
+
+class PathPatches(NamedTuple):
+    """Pieces of curves inside the patches of a batch.
+
+    points : (R, 7) of `curve_features`, in px of their patch
+    offsets : (S+1,) int64, piece i is rows offsets[i]:offsets[i+1]
+    patch : (R,) int64
+    """
+
+    points: Tensor
+    offsets: Tensor
+    patch: Tensor
+
+    @classmethod
+    def of(cls, exercise: Exercise, curve: np.ndarray, corners: np.ndarray, size: int):
+        """Cut the curves, whose points belong to `curve` (N,), at patches with corners (B, 2)."""
+        runs = cut_curves(exercise.view.curves.xy, curve, corners, size)
+        points = exercise.points
+        corner = torch.tensor(corners, dtype=points.dtype, device=points.device)
+        local = points[runs.rows] - F.pad(corner[runs.patch], (0, 5))
+        return cls(
+            local,
+            torch.tensor(runs.offsets, device=points.device),
+            torch.tensor(runs.patch, device=points.device),
+        )
+
+    def drawn(self, xy: Tensor, thickness: Tensor, size: int, batch: int) -> Tensor:
+        """Draw the pieces, displaced to `xy` (R, 2), on their patches: (B, size, size)."""
+        owners = self.patch[self.offsets[:-1]]
+        return 1.0 - coverage(xy, thickness, self.offsets, size, size, owners, batch)
+
+
 def _train_geometry(
-    surface, path, maps, points, view, mask, config, rng, report, checkpoint
+    networks: Networks,
+    exercise: Exercise,
+    config: NeuralStrokesConfig,
+    rng: np.random.Generator,
+    report: Report,
+    checkpoint: Checkpoint,
 ) -> None:
-    """L_b + lambda_s L_s (eqs. 2 and 3)."""
+    """Train surface and path network by L_b + lambda_s L_s (eqs. 2 and 3)."""
+    surface, path = networks.surface, networks.path
     parameters = [*surface.parameters(), *path.parameters()]
     optimiser = torch.optim.Adam(parameters, config.rate, betas=(0.0, 0.99))
-    steps, schedule = _schedule(
+    steps, schedule = falling_rate(
         optimiser, config.geometry_steps, config.geometry_decay, config.schedule
     )
-    corners = {size: _corners(view, size) for size in _sizes(view, config)}
-    xy, curve = view.curves.xy, owner(view.curves.offsets)
+    places = PatchSampler.of(exercise.view, config)
+    curve = owner(exercise.view.curves.offsets)
     learned = {"surface": surface, "path": path}
     training = {"optimiser": optimiser, "schedule": schedule}
     with checkpoint.watch("geometry", steps, learned, training, rng) as (remaining, passed):
         for step in remaining:
-            size = int(rng.choice(list(corners)))
-            at = corners[size][rng.integers(len(corners[size]), size=config.batch)]  # (B, 2) x, y
-            patch = _crop(maps[0], at, size)
-            rows, cuts, image = cut_curves(xy, curve, at, size)
-            local = points[rows] - F.pad(
-                torch.tensor(at, dtype=points.dtype, device=points.device)[image], (0, 5)
-            )
-            cuts = torch.tensor(cuts, device=points.device)
-            image = torch.tensor(image, device=points.device)
-            moved, thickness = stroke_geometry(path, surface(patch), local, cuts, image)
-            drawn = 1.0 - coverage(
-                moved, thickness, cuts, size, size, image[cuts[:-1]], config.batch
-            )
-            fidelity = F.l1_loss(drawn, _crop(mask[None], at, size)[:, 0])
-            smooth = _smoothness(moved - local[:, :2], cuts)
-            loss = fidelity + config.smoothness * smooth
+            size, corners = places.draw(rng, config.batch)
+            pieces = PathPatches.of(exercise, curve, corners, size)
+            deep = surface(crop(exercise.maps[0], corners, size))
+            moved, thickness = stroke_geometry(path, deep, *pieces)
+            drawn = pieces.drawn(moved, thickness, size, config.batch)
+            loss_mask = F.l1_loss(drawn, crop(exercise.mask[None], corners, size)[:, 0])
+            loss_smooth = smoothness_loss(moved - pieces.points[:, :2], pieces.offsets)
+            loss = loss_mask + config.smoothness * loss_smooth
             optimiser.zero_grad(set_to_none=True)
             loss.backward()
             optimiser.step()
             schedule.step()
             passed()
-            report("geometry", step, steps, {"mask": fidelity, "smooth": smooth})
+            report("geometry", step, steps, {"mask": loss_mask, "smooth": loss_smooth})
 
 
-def _train_texture(texture, judge, shown, rgb, view, config, rng, report, checkpoint) -> None:
-    """L_t + lambda_a L_a (eqs. 4 and 5) with LSGAN, on patches turned by a random angle."""
-    draw = torch.optim.Adam(texture.parameters(), config.rate, betas=(0.5, 0.999))
-    tell = torch.optim.Adam(judge.parameters(), config.rate, betas=(0.5, 0.999))
-    steps, draw_schedule = _schedule(
-        draw, config.texture_steps, config.texture_decay, config.schedule
-    )
-    _, tell_schedule = _schedule(tell, config.texture_steps, config.texture_decay, config.schedule)
-    corners = {size: _corners(view, size) for size in _sizes(view, config)}
-    both = torch.cat([shown, rgb], dim=1)
-    learned = {"texture": texture, "judge": judge}
+# ----------------------------------------------------------------------------------------- texture
+
+
+class TexturePatches(NamedTuple):
+    """Patches of a batch, turned by random angles; two lots, from different places.
+
+    shown : (B, 9, size, size), what the texture network sees
+    wanted : (B, 3, size, size), the artist's drawing there
+    real : (B, 3, size, size), the artist's drawing elsewhere, for the discriminator
+    """
+
+    shown: Tensor
+    wanted: Tensor
+    real: Tensor
+
+
+def _texture_patches(
+    images: Tensor, places: PatchSampler, batch: int, rng: np.random.Generator
+) -> TexturePatches:
+    """Draw patches of `images` (1, 9 + 3, H, W): the texture network's input, and the drawing."""
+    size, corners = places.draw(rng, 2 * batch)
+    turned = turned_patches(images, corners, size, rng.uniform(0, 2 * np.pi, len(corners)))
+    inputs = images.shape[1] - 3
+    return TexturePatches(turned[:batch, :inputs], turned[:batch, inputs:], turned[batch:, inputs:])
+
+
+def _train_texture(
+    networks: Networks,
+    exercise: Exercise,
+    drawn: Tensor,
+    config: NeuralStrokesConfig,
+    rng: np.random.Generator,
+    report: Report,
+    checkpoint: Checkpoint,
+) -> None:
+    """Train the texture network by L_t + lambda_a L_a (eqs. 4 and 5), an LSGAN.
+
+    `drawn` (H, W) are the strokes that it is to paint.
+    """
+    texture, discriminator = networks.texture, networks.discriminator
+    opt_g = torch.optim.Adam(texture.parameters(), config.rate, betas=(0.5, 0.999))
+    opt_d = torch.optim.Adam(discriminator.parameters(), config.rate, betas=(0.5, 0.999))
+    decay = config.texture_steps, config.texture_decay, config.schedule
+    steps, schedule_g = falling_rate(opt_g, *decay)
+    _, schedule_d = falling_rate(opt_d, *decay)
+    places = PatchSampler.of(exercise.view, config)
+    images = torch.cat([exercise.maps[:, :-1], drawn[None, None], exercise.rgb], dim=1)
+    learned = {"texture": texture, "discriminator": discriminator}
     training = {
-        "draw": draw,
-        "tell": tell,
-        "draw_schedule": draw_schedule,
-        "tell_schedule": tell_schedule,
+        "opt_g": opt_g,
+        "opt_d": opt_d,
+        "schedule_g": schedule_g,
+        "schedule_d": schedule_d,
     }
     with checkpoint.watch("texture", steps, learned, training, rng) as (remaining, passed):
         for step in remaining:
-            size = int(rng.choice(list(corners)))
-            pick = corners[size][rng.integers(len(corners[size]), size=2 * config.batch)]
-            turned = _turned(both, pick, size, rng.uniform(0, 2 * np.pi, len(pick)))
-            seen, real = turned[: config.batch], turned[config.batch :, shown.shape[1] :]
-            seen, wanted = seen[:, : shown.shape[1]], seen[:, shown.shape[1] :]
-            fake = texture(seen)
-            mine, theirs = _held(seen[:, -1]), _held(real.min(dim=1).values)
-            told = 0.5 * (
-                _lsgan(judge(fake.detach()), 0.0, mine) + _lsgan(judge(real), 1.0, theirs)
-            )
-            tell.zero_grad(set_to_none=True)
-            told.backward()
-            tell.step()
-            color = F.l1_loss(fake, wanted)
-            blurred = F.l1_loss(_blur(fake), _blur(wanted))
-            fooled = _lsgan(judge(fake), 1.0, mine)
-            loss = config.color * color + config.blurred * blurred + config.adversarial * fooled
-            draw.zero_grad(set_to_none=True)
-            loss.backward()
-            draw.step()
-            draw_schedule.step()
-            tell_schedule.step()
+            patches = _texture_patches(images, places, config.batch, rng)
+            fake = texture(patches.shown)
+            judged = holds_stroke(patches.shown[:, -1])
+            loss_d = _discriminator_loss(discriminator, fake, patches.real, judged)
+            opt_d.zero_grad(set_to_none=True)
+            loss_d.backward()
+            opt_d.step()
+            loss_color = F.l1_loss(fake, patches.wanted)
+            loss_blurred = F.l1_loss(blur(fake), blur(patches.wanted))
+            loss_g_adv = lsgan_loss(discriminator(fake), 1.0, judged)
+            loss_g = config.color * loss_color + config.blurred * loss_blurred
+            loss_g = loss_g + config.adversarial * loss_g_adv
+            opt_g.zero_grad(set_to_none=True)
+            loss_g.backward()
+            opt_g.step()
+            schedule_g.step()
+            schedule_d.step()
             passed()
-            report("texture", step, steps, {"color": color, "fooled": fooled, "told": told})
+            losses = {"color": loss_color, "loss_g_adv": loss_g_adv, "loss_d": loss_d}
+            report("texture", step, steps, losses)
 
 
-# --------------------------------------------------------------------------------------------------------- patches
+def _discriminator_loss(
+    discriminator: PatchDiscriminator, fake: Tensor, real: Tensor, judged: Tensor
+) -> Tensor:
+    """Half of what LSGAN asks of the discriminator: 0 for what is made, 1 for what is drawn."""
+    judged_real = holds_stroke(real.min(dim=1).values)
+    loss_fake = lsgan_loss(discriminator(fake.detach()), 0.0, judged)
+    return 0.5 * (loss_fake + lsgan_loss(discriminator(real), 1.0, judged_real))
 
 
-def _sizes(view: View, config: NeuralStrokesConfig) -> list[int]:
-    """Patch sizes that fit the canvas, or the largest one that does."""
-    most = min(view.camera.width, view.camera.height) // 4 * 4
-    return sorted({min(size, most) for size in config.patches})
+# ------------------------------------------------------------------------------------------- parts
 
 
-def _corners(view: View, size: int) -> np.ndarray:
-    """(P, 2) x, y of all patches with a pixel of the plain curves in their centre. Raises ValueError where none has."""
-    line = (view.maps["plain"] > 0.5).astype(np.int64)
-    total = np.pad(line.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
-    inner = max(1, round(size * CENTRE))
-    near = (size - inner) // 2
-    height, width = line.shape
-    y, x = np.mgrid[: height - size + 1, : width - size + 1]
-    a, b, c, d = y + near, y + near + inner, x + near, x + near + inner
-    held = total[b, d] - total[a, d] - total[b, c] + total[a, c] > 0
-    if not held.any():
-        raise ValueError(
-            f"no {size} px patch of this view holds a curve in its centre: nothing to learn from"
-        )
-    return np.stack([x[held], y[held]], axis=1)
+@dataclass(frozen=True)
+class PatchSampler:
+    """Draws a size, and corners of that size; corners (P, 2) by size, px."""
+
+    corners: dict[int, np.ndarray]
+
+    @classmethod
+    def of(cls, view: View, config: NeuralStrokesConfig) -> PatchSampler:
+        """Find all places of a view. Raises ValueError where there are none of some size."""
+        sizes = patch_sizes(view, config.patches)
+        return cls({size: patch_corners(view, size) for size in sizes})
+
+    def draw(self, rng: np.random.Generator, count: int) -> tuple[int, np.ndarray]:
+        """Draw a size, px, and `count` corners (count, 2)."""
+        size = int(rng.choice(list(self.corners)))
+        places = self.corners[size]
+        return size, places[rng.integers(len(places), size=count)]
 
 
-def _crop(image: Tensor, at: np.ndarray, size: int) -> Tensor:
-    """Patches (B, K, size, size) of an image (K, H, W) with their corners at (B, 2)."""
-    return torch.stack([image[:, y : y + size, x : x + size] for x, y in at.tolist()])
+def falling_rate(
+    optimiser: torch.optim.Optimizer, steps: int, decay: int, share: float
+) -> tuple[int, torch.optim.lr_scheduler.LambdaLR]:
+    """All steps to run, and a rate that is constant but for the last `decay`, where it falls to 0.
 
-
-def cut_curves(
-    xy: np.ndarray, curve: np.ndarray, at: np.ndarray, size: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The runs of curve points inside patches: rows (R,) of the points, offsets of the runs, the patch of each row.
-
-    Runs of a single point are left out: a path has at least two.
+    Both are shortened to a `share`.
     """
-    inside = ((xy[None] >= at[:, None]) & (xy[None] < at[:, None] + size)).all(axis=2)  # (B, N)
-    image, rows = np.nonzero(inside)
-    new = np.r_[True, (np.diff(rows) != 1) | (np.diff(image) != 0) | (np.diff(curve[rows]) != 0)][
-        : len(rows)
-    ]
-    run = np.cumsum(new) - 1
-    keep = np.bincount(run)[run] >= 2 if len(run) else np.zeros(0, bool)
-    image, rows, run = image[keep], rows[keep], run[keep]
-    count = np.unique(run, return_counts=True)[1]
-    return rows, np.r_[0, np.cumsum(count)], image
-
-
-def _turned(image: Tensor, at: np.ndarray, size: int, angle: np.ndarray) -> Tensor:
-    """Patches (B, K, size, size) of (1, K, H, W), turned about their centres; beyond the canvas all is 1."""
-    height, width = image.shape[2:]
-    place = (torch.arange(size, device=image.device) + 0.5) - size / 2
-    y, x = torch.meshgrid(place, place, indexing="ij")
-    c = torch.tensor(np.cos(angle), dtype=image.dtype, device=image.device)[:, None, None]
-    s = torch.tensor(np.sin(angle), dtype=image.dtype, device=image.device)[:, None, None]
-    centre = torch.tensor(at + size / 2, dtype=image.dtype, device=image.device)[:, :, None, None]
-    px, py = centre[:, 0] + c * x - s * y, centre[:, 1] + s * x + c * y
-    grid = torch.stack([2 * px / width - 1, 2 * py / height - 1], dim=-1)
-    return 1.0 + F.grid_sample((image - 1.0).expand(len(at), -1, -1, -1), grid, align_corners=False)
-
-
-# ---------------------------------------------------------------------------------------------------------- losses
-
-
-def _smoothness(displacement: Tensor, offsets: Tensor) -> Tensor:
-    """Eq. 3: squared difference of neighbouring displacements (N, 2), averaged over each path, then over the paths."""
-    which = torch.repeat_interleave(
-        torch.arange(len(offsets) - 1, device=offsets.device), offsets.diff()
-    )
-    within = which[1:] == which[:-1]
-    change = displacement.diff(dim=0).square().sum(1)[within]
-    weight = 1.0 / (offsets.diff() - 1).to(change.dtype)[which[1:][within]]
-    return (change * weight).sum() / (len(offsets) - 1)
-
-
-def _held(white: Tensor) -> Tensor:
-    """(B,) 1 for patches (B, H, W), stroke dark on white, with stroke in their centre JUDGED px."""
-    near = max(0, (white.shape[-1] - JUDGED) // 2)
-    middle = white[:, near : white.shape[1] - near, near : white.shape[2] - near]
-    return (middle.amin(dim=(1, 2)) < 0.9).to(white.dtype)
-
-
-def _lsgan(verdict: Tensor, wanted: float, held: Tensor) -> Tensor:
-    """Mean squared distance of the verdicts (B, 1, h, w) from `wanted` over the patches that hold stroke."""
-    each = (verdict - wanted).square().mean(dim=(1, 2, 3))
-    return (each * held).sum() / held.sum().clamp(min=1.0)
-
-
-def _blur(image: Tensor, sigma: float = 2.0) -> Tensor:
-    """Gaussian blur of (B, 3, H, W)."""
-    reach = int(3 * sigma)
-    kernel = torch.exp(-0.5 * (torch.arange(-reach, reach + 1, device=image.device) / sigma) ** 2)
-    kernel = (kernel / kernel.sum()).expand(3, 1, 1, -1)
-    image = F.conv2d(F.pad(image, (reach, reach, 0, 0), mode="replicate"), kernel, groups=3)
-    return F.conv2d(
-        F.pad(image, (0, 0, reach, reach), mode="replicate"), kernel.transpose(2, 3), groups=3
-    )
-
-
-def _schedule(optimiser, steps: int, decay: int, share: float):
-    """All steps to run, and a rate that is constant but for the last `decay` of them, where it falls to 0."""
     steps, decay = max(1, round(steps * share)), max(1, round(decay * share))
     return steps, torch.optim.lr_scheduler.LambdaLR(
         optimiser, lambda step: min(1.0, (steps - step) / decay)
     )
 
 
-def _initialise(network: torch.nn.Module) -> None:
-    """Normal weights of deviation 0.02, no bias: what the image-translation networks it builds on start from."""
+def initialise(network: torch.nn.Module) -> None:
+    """Set normal weights of deviation 0.02 and no bias.
+
+    The image-translation networks that the paper builds on start so (Isola et al. 2017).
+    """
     for layer in network.modules():
         if isinstance(layer, (torch.nn.Conv2d, torch.nn.ConvTranspose2d)):
             torch.nn.init.normal_(layer.weight, 0.0, 0.02)
-            torch.nn.init.zeros_(layer.bias)
+            if layer.bias is not None:
+                torch.nn.init.zeros_(layer.bias)

@@ -279,7 +279,7 @@ def optimise_strokes(
     def moved() -> Traced:
         return Traced(start.xy + across[:, None] * strokes.normals, start.log_width + widening)
 
-    learned = {"across": across, "change": widening}
+    learned = {"across": across, "widening": widening}
     training = {"optimiser": optimiser, "schedule": schedule}
     with checkpoint.watch("trace", config.trace_steps, learned, training) as (remaining, passed):
         for step in remaining:
