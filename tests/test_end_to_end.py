@@ -52,7 +52,7 @@ def studio(tmp_path_factory):
         *VIEW,
     )
     assert result.exit_code == 0, result.stderr
-    assert "m.pt" in result.stderr and "m.png" in result.stderr
+    assert "m.pt" in result.stderr and "m.fit.png" in result.stderr
     return folder
 
 
@@ -82,7 +82,7 @@ def strokes_of(path):
 
 
 def test_fit_leaves_a_sheet_to_look_at(studio):
-    sheet = Image.open(studio / "m.png")
+    sheet = Image.open(studio / "m.fit.png")
     assert sheet.size == (4 * 256, 256)
     drawn, mask, drawn_mask, textured = np.split(
         np.asarray(sheet.convert("RGB"), float) / 255, 4, axis=1
@@ -428,15 +428,6 @@ def test_outputs_that_cannot_be_written(studio, tmp_path):
         "-o",
         tmp_path / "file" / "sub/",
         words=["file"],
-    )
-    refused(
-        "fit",
-        studio / "drawing.png",
-        studio / "torus.obj",
-        "-o",
-        studio / "drawing.pt",
-        *VIEW,
-        words=["is the input"],
     )
 
 

@@ -1,6 +1,7 @@
 """The commands through the door a user takes: help, options, and one line for everything that is wrong."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ from command import refused, run
 from PIL import Image
 
 from strokestyle import __version__, cli
+from strokestyle.cli import options
 from strokestyle.geometry.kinds import SURFACE_KINDS
 
 TETRA = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -49,18 +51,49 @@ def test_help_does_not_import_torch():
 
 def test_what_help_says_is_what_the_library_does():
     from strokestyle.extract.camera import DEFAULT_FOV, DEFAULT_SIZE, NAMED_VIEWS
-    from strokestyle.extract.line_options import LEAST_DETAIL, MOST_DETAIL, LineOptions
+    from strokestyle.extract.line_options import LineOptions
     from strokestyle.fit.train import PRESETS
     from strokestyle.geometry.curves import DEFAULT_SPACING
+    from strokestyle.svg.format import LAYERS, TEXTURES, SvgOptions
 
-    assert cli.VIEWS.split(", ") == list(NAMED_VIEWS)
-    assert set(cli.PRESET_NAMES) == set(PRESETS)
-    assert (DEFAULT_FOV, DEFAULT_SIZE, DEFAULT_SPACING) == (30, 768, 3)
-    assert (cli.LEAST_DETAIL, cli.MOST_DETAIL) == (LEAST_DETAIL, MOST_DETAIL)
+    commands = cli.main.commands
+    defaults = {
+        **vars(LineOptions()),
+        **vars(SvgOptions()),
+        "fov": DEFAULT_FOV,
+        "size": DEFAULT_SIZE,
+        "spacing": DEFAULT_SPACING,
+    }
+    told = {}
+    for option in (*commands["extract"].params, *commands["render"].params):
+        if match := re.search(r"\[default: ([\w.]+)\]$", getattr(option, "help", "") or ""):
+            told[option.name] = match[1]
+    assert {name: f"{defaults[name]:g}" for name in told if name not in ("up", "layers")} == {
+        name: value for name, value in told.items() if name not in ("up", "layers")
+    }
+    assert {"crease", "suggestive", "spacing", "fov", "tones", "decimals"} <= set(told)
+    assert told["layers"] == SvgOptions().layers
+
+    assert options.VIEWS.split(", ") == list(NAMED_VIEWS)
+    assert set(options.PRESET_NAMES) == set(PRESETS)
     assert LineOptions().kinds == tuple(kind for kind in SURFACE_KINDS if kind != "apparent")
-    for option in cli.extract.params:
-        if option.name in ("crease", "suggestive", "ridge", "valley", "apparent"):
-            assert option.help.endswith(f"[default: {getattr(LineOptions(), option.name):g}]")
+    assert options.TEXTURES == TEXTURES
+    choices = {option.name: option.type for option in commands["render"].params}
+    assert tuple(choices["layers"].choices) == LAYERS
+
+
+def test_option_groups_hand_over_what_the_library_takes():
+    from dataclasses import fields
+
+    from strokestyle.extract.line_options import LineOptions
+    from strokestyle.svg.format import SvgOptions
+
+    assert set(options.line_options.flags) <= {field.name for field in fields(LineOptions)}
+    assert set(options.file_options.flags) <= {field.name for field in fields(SvgOptions)}
+    assert options.line_options.flags["kinds"] == "--lines"
+    assert options.file_options.given({"page_size": "A4", "tones": None, "seed": 3}) == {
+        "page_size": "A4"
+    }
 
 
 @pytest.mark.parametrize(

@@ -399,7 +399,7 @@ def test_a_name_that_is_none_is_told_with_those_that_are(text):
         ("thickness", "x", "takes a number"), ("thickness", "-1", "between"), ("thickness", "nan", "takes a number"),
         ("thickness", "arm=x", "takes a number"), ("wiggle", "3", "two numbers"), ("wiggle", "3,0", "wavelength"),
         ("smooth", "-1", "between"), ("move", "s1:0.5", "STROKE:POINT:DX,DY"), ("move", "s1:2:1,1", "between 0 and 1"),
-        ("drop", "", "a length such as"), ("recolor", "hue", "a colour is"),
+        ("drop", "", "a length such as"), ("recolor", "hue", "--recolor takes a colour"),
         ("taper", "", "takes a number"),
     ],
 )  # fmt: skip

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from small_views import TINY, a_drawing, a_view
 
 from strokestyle import cli
+from strokestyle.cli.progress import ProgressDisplay
 from strokestyle.extract.view import View
 from strokestyle.fit import progress as fit_progress
 from strokestyle.fit import trace as fit_trace
@@ -268,7 +269,7 @@ def test_the_command_says_how_to_go_on_and_does(tmp_path, monkeypatch):
     run = CliRunner().invoke
     assert run(cli.main, [*command, "whole.pt"]).exit_code == 0
     with monkeypatch.context() as patch:
-        patch.setattr(cli.Progress, "__call__", lambda self, event: stop_at("trace", 3)(event))
+        patch.setattr(ProgressDisplay, "__call__", lambda self, event: stop_at("trace", 3)(event))
         done = run(cli.main, [*command, "model.pt"])
     assert done.exit_code == 130 and done.output.splitlines()[-1].endswith(
         "interrupted; go on with --resume"

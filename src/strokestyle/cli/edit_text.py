@@ -1,27 +1,21 @@
-"""Edits as the command line says them."""
+"""Edits as the command line says them: text such as "contour=1.5" -> what changes a drawing."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..drawing.edit import (
-    check_range,
-    keep,
-    move,
-    recolor,
-    simplify,
-    smooth,
-    taper,
-    thicken,
-    wiggle,
-)
+from ..drawing.edit import keep, move, recolor, simplify, smooth, taper, thicken, wiggle
 from ..drawing.strokes import Drawing, Strokes, lengths
-from ..geometry.curves import KINDS
+from ..geometry.curves import is_kind
+from ..geometry.kinds import KINDS
 from ..geometry.parts import part_name
+from ..render.restyle import restyle
+from .model import read_style
 
 
 @dataclass(frozen=True)
@@ -38,121 +32,210 @@ class NamedDrawing:
     ids: tuple[str, ...]
 
 
-Edit = Callable[[NamedDrawing, int], NamedDrawing]  # (sheet, seed)
+Edit = Callable[[NamedDrawing, int], NamedDrawing]  # (drawing, seed) -> the edited drawing
+
+
+class NumericEdit(NamedTuple):
+    """An edit of the library that takes numbers.
+
+    Parameters
+    ----------
+    function : called as function(drawing, numbers by name, only=(C,) bool or None)
+    spoken : what the command line calls each number, by the name of the function's argument, in the
+        order of the option's text
+    random : whether the function takes a seed too
+    """
+
+    function: Callable[..., Drawing]
+    spoken: dict[str, str]
+    random: bool = False
+
+
+NUMERIC = {
+    "thickness": NumericEdit(thicken, {"factor": "--thickness"}),
+    "wiggle": NumericEdit(
+        wiggle,
+        {"amplitude": "the amplitude of --wiggle", "wavelength": "the wavelength of --wiggle"},
+        random=True,
+    ),
+    "smooth": NumericEdit(smooth, {"sigma": "--smooth"}),
+    "simplify": NumericEdit(simplify, {"tolerance": "--simplify"}),
+    "taper": NumericEdit(taper, {"length": "--taper"}),
+}
+MOVE_SPOKEN = {"point": "the point of --move", "by": "the way of --move"}
+
+# One stroke of a pixel: what an edit is tried on, so that bad numbers are refused before any work.
+PROBE = Drawing(
+    Strokes(
+        xy=np.array([[0.0, 0.0], [1.0, 0.0]]),
+        thickness=np.ones(2),
+        offsets=np.array([0, 2]),
+        kind=np.zeros(1, np.int8),
+        closed=np.zeros(1, bool),
+    ),
+    size=(1, 1),
+    color=np.ones((1, 4)),
+)
 
 
 def parse_edit(name: str, text: str) -> Edit:
-    """An edit as the command line says it: "thickness", "contour=1.5". Raises ValueError on what is none.
+    """Parse the text of an edit option: "thickness", "contour=1.5".
 
-    What stands before "=" are kinds of line and names of parts, with commas between. Whether the drawing has such a
-    part is not known before the edit is made; it raises ValueError then.
+    What stands before "=" are kinds of line and names of parts, with commas between. Whether the
+    drawing has such a part is not known before the edit is made; it raises ValueError then.
+
+    Parameters
+    ----------
+    name : of the option, without its dashes
+    text : its value
+
+    Raises
+    ------
+    ValueError
+        on what is no such edit; the sentence names the option.
     """
     if name == "move":
         return _parse_move(text)
     if name == "drop":
         return _parse_drop(text)
-    which, _, value = text.rpartition("=")
-    which = which or None
+    if name == "restyle":
+        return _restyle_with(text)
+    names, _, value = text.rpartition("=")
     if name == "recolor":
         color = _color(value)
-        return _on(which, lambda drawing, only, seed: recolor(drawing, color, only))
-    numbers = _numbers(value, f"--{name}", 2 if name == "wiggle" else 1)
-    edit = {
-        "thickness": lambda drawing, only, seed: thicken(drawing, *numbers, only),
-        "wiggle": lambda drawing, only, seed: wiggle(drawing, *numbers, seed, only),
-        "smooth": lambda drawing, only, seed: smooth(drawing, *numbers, only),
-        "simplify": lambda drawing, only, seed: simplify(drawing, *numbers, only),
-        "taper": lambda drawing, only, seed: taper(drawing, *numbers, only),
-    }[name]
-    nothing = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), (1, 1), np.zeros((0, 4)))
-    edit(nothing, None, 0)  # so that bad numbers are refused before any work
-    return _on(which, edit)
+        return _on_named(names, lambda drawing, only, seed: recolor(drawing, color, only))
+    return _on_named(names, _parse_numeric(name, value))
 
 
-def _on(which: str | None, edit) -> Edit:
-    def apply(sheet: NamedDrawing, seed: int) -> NamedDrawing:
-        only = None if which is None else strokes_named(sheet.drawing, which)
-        return NamedDrawing(edit(sheet.drawing, only, seed), sheet.ids)
+# -------------------------------------------------------------------------- edits of named strokes
+
+StrokesEdit = Callable[[Drawing, "np.ndarray | None", int], Drawing]  # (drawing, only, seed)
+
+
+def _on_named(names: str, edit: StrokesEdit) -> Edit:
+    """The edit made of the strokes of these kinds and parts; of all where `names` is empty."""
+
+    def apply(named: NamedDrawing, seed: int) -> NamedDrawing:
+        only = strokes_named(named.drawing, names) if names else None
+        return NamedDrawing(edit(named.drawing, only, seed), named.ids)
 
     return apply
 
 
-def strokes_named(drawing: Drawing, which: str) -> np.ndarray:
-    """The strokes (C,) bool of kinds and parts, as "contour,wheel" names them; where a name is both, it is the kind.
+def strokes_named(drawing: Drawing, names: str) -> np.ndarray:
+    """Find the strokes (C,) bool of kinds and parts, as "contour,wheel" names them.
 
-    Raises ValueError on a name that is neither, telling those that there are.
+    Where a name is both, it is the kind. Raises ValueError on a name that is neither, telling those
+    that there are.
     """
     parts = () if drawing.parts is None else drawing.parts.names
-    each = [
-        part_name(name) for name in ([which] if part_name(which) in parts else which.split(","))
-    ]
-    wanted = [name for name in each if name]
+    each = (
+        [names] if part_name(names) in parts else names.split(",")
+    )  # a part's name may hold commas
+    wanted = [name for name in map(part_name, each) if name]
     unknown = [name for name in wanted if name not in (*KINDS, *parts)]
     if unknown or not wanted:
         few = ", ".join(sorted(parts)[:20]) + ", ..." * (len(parts) > 20)
-        some = f"the parts {few}" if parts else "no named parts"
         raise ValueError(
-            f"{', '.join(map(repr, unknown)) or 'nothing'}: no such kind of line or part; there are the kinds "
-            f"{', '.join(KINDS)} and {some}"
+            f"{', '.join(map(repr, unknown)) or 'nothing'}: no such kind of line or part; "
+            f"there are the kinds {', '.join(KINDS)} and "
+            f"{f'the parts {few}' if parts else 'no named parts'}"
         )
-    chosen = np.isin(drawing.strokes.kind, [KINDS.index(name) for name in wanted if name in KINDS])
-    for name in wanted:
-        if name not in KINDS:
-            chosen |= drawing.parts.index == parts.index(name)
+    chosen = is_kind(drawing.strokes.kind, tuple(name for name in wanted if name in KINDS))
+    if drawing.parts is not None:
+        index = [parts.index(name) for name in wanted if name not in KINDS]
+        chosen |= np.isin(drawing.parts.index, index)
     return chosen
 
 
+def _parse_numeric(name: str, text: str) -> StrokesEdit:
+    function, spoken, random = NUMERIC[name]
+    numbers = dict(zip(spoken, _numbers(text, f"--{name}", len(spoken)), strict=True))
+
+    def edit(drawing: Drawing, only: np.ndarray | None, seed: int) -> Drawing:
+        return function(drawing, **numbers, only=only, **({"seed": seed} if random else {}))
+
+    _try(lambda: edit(PROBE, None, 0), spoken)
+    return edit
+
+
+def _try(edit: Callable[[], Drawing], spoken: Mapping[str, str]) -> None:
+    """Make an edit once; where it raises ValueError, name the option in place of the argument."""
+    try:
+        edit()
+    except ValueError as error:
+        argument, _, found = str(error).partition(" ")
+        raise ValueError(f"{spoken.get(argument, argument)} {found}") from None
+
+
+# ------------------------------------------------------------------------------------- other edits
+
+
 def _parse_move(text: str) -> Edit:
-    parts = text.rsplit(":", 2)
-    if len(parts) != 3 or not parts[0]:
+    stroke, *rest = text.rsplit(":", 2)
+    if len(rest) != 2 or not stroke:
         raise ValueError(
             f"--move is STROKE:POINT:DX,DY, for instance s004:0.5:20,-10, got {text!r}"
         )
-    (point,), by = (
-        _numbers(parts[1], "the point of --move", 1),
-        _numbers(parts[2], "the way of --move", 2),
-    )
-    check_range("the point of --move", point, 0.0, 1.0)
+    (point,) = _numbers(rest[0], "the point of --move", 1)
+    dx, dy = _numbers(rest[1], "the way of --move", 2)
+    _try(lambda: move(PROBE, 0, point, (dx, dy)), MOVE_SPOKEN)
 
-    def apply(sheet: NamedDrawing, seed: int) -> NamedDrawing:
-        return NamedDrawing(move(sheet.drawing, _stroke(sheet, parts[0]), point, by), sheet.ids)
+    def apply(named: NamedDrawing, seed: int) -> NamedDrawing:
+        moved = move(named.drawing, _stroke(named, stroke), point, (dx, dy))
+        return NamedDrawing(moved, named.ids)
 
     return apply
 
 
-def _stroke(sheet: NamedDrawing, name: str) -> int:
-    if name in sheet.ids:
-        return sheet.ids.index(name)
-    if name.isdigit() and int(name) < len(sheet.ids):
+def _stroke(named: NamedDrawing, name: str) -> int:
+    """The index of the stroke with this id, or with this number where no id is so."""
+    if name in named.ids:
+        return named.ids.index(name)
+    if name.isdigit() and int(name) < len(named.ids):
         return int(name)
-    some = ", ".join(sheet.ids[:3] + (("...",) if len(sheet.ids) > 3 else ()))
+    some = ", ".join(named.ids[:3] + (("...",) if len(named.ids) > 3 else ()))
     raise ValueError(f"--move: there is no stroke {name!r}; there are {some or 'none'}")
 
 
-def _parse_drop(text: str) -> Edit:
-    match = re.fullmatch(r"(.*?)(?:([<>])\s*([0-9]*\.?[0-9]+)\s*(?:px)?)?\s*", text, re.DOTALL)
-    which = match[1].strip() or None
-    if not (which or match[2]):
-        raise ValueError(
-            f"--drop is a length such as '<20', kinds or parts such as valley,ridge, or both: 'valley<20'; got {text!r}"
-        )
+DROP = re.compile(r"(.*?)(?:([<>])\s*([0-9]*\.?[0-9]+)\s*(?:px)?)?\s*", re.DOTALL)
 
-    def apply(sheet: NamedDrawing, seed: int) -> NamedDrawing:
-        parts = sheet.drawing.parts
-        whole = parts is not None and part_name(text) in parts.names  # a part may be called "a<20"
-        asked = text if whole else which
-        gone = (
-            np.ones(len(sheet.drawing.strokes), bool)
-            if asked is None
-            else strokes_named(sheet.drawing, asked)
+
+def _parse_drop(text: str) -> Edit:
+    match = DROP.fullmatch(text)
+    assert match  # as whatever there is may be names
+    names, compare = match[1].strip(), match[2]
+    if not (names or compare):
+        raise ValueError(
+            "--drop is a length such as '<20', kinds or parts such as valley,ridge, or both: "
+            f"'valley<20'; got {text!r}"
         )
-        if match[2] and not whole:
-            long = lengths(sheet.drawing)
-            gone &= long < float(match[3]) if match[2] == "<" else long > float(match[3])
-        ids = tuple(name for name, out in zip(sheet.ids, gone.tolist(), strict=True) if not out)
-        return NamedDrawing(keep(sheet.drawing, ~gone), ids)
+    limit = float(match[3]) if compare else 0.0
+
+    def apply(named: NamedDrawing, seed: int) -> NamedDrawing:
+        drawing, parts = named.drawing, named.drawing.parts
+        if parts is not None and part_name(text) in parts.names:  # a part may be called "a<20"
+            gone = strokes_named(drawing, text)
+        else:
+            gone = strokes_named(drawing, names) if names else np.ones(len(drawing.strokes), bool)
+            if compare:
+                length = lengths(drawing)
+                gone &= length < limit if compare == "<" else length > limit
+        ids = tuple(np.array(named.ids, object)[~gone])
+        return NamedDrawing(keep(drawing, ~gone), ids)
 
     return apply
+
+
+def _restyle_with(model: str) -> Edit:
+    def apply(named: NamedDrawing, seed: int) -> NamedDrawing:
+        drawing = restyle(named.drawing, read_style(model), seed)
+        return NamedDrawing(drawing, ("",) * len(drawing.strokes))
+
+    return apply
+
+
+# ----------------------------------------------------------------------------- numbers and colours
 
 
 def _numbers(text: str, what: str, count: int) -> tuple[float, ...]:
@@ -161,16 +244,18 @@ def _numbers(text: str, what: str, count: int) -> tuple[float, ...]:
     except ValueError:
         values = ()
     if len(values) != count or not np.isfinite(values).all():
-        raise ValueError(
-            f"{what} takes {'a number' if count == 1 else 'two numbers, such as 4,30'}, got {text!r}"
-        )
+        wanted = "a number" if count == 1 else "two numbers, such as 4,30"
+        raise ValueError(f"{what} takes {wanted}, got {text!r}")
     return values
 
 
-def _color(text: str) -> tuple[float, ...]:
+def _color(text: str) -> tuple[float, float, float]:
     from PIL import ImageColor
 
     try:
-        return tuple(value / 255.0 for value in ImageColor.getrgb(text[:60])[:3])
+        red, green, blue = ImageColor.getrgb(text[:60])[:3]
     except ValueError:
-        raise ValueError(f"a colour is #rrggbb or a name such as navy, got {text!r}") from None
+        raise ValueError(
+            f"--recolor takes a colour, #rrggbb or a name such as navy, got {text!r}"
+        ) from None
+    return red / 255.0, green / 255.0, blue / 255.0

@@ -1,0 +1,179 @@
+"""`strokestyle edit`: change a drawing by commands."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import click
+
+from .messages import say, timed
+from .options import TEXTURES, common_options, file_options, seed_option
+from .outputs import STANDARD_OUTPUT, SVG_SUFFIXES, check_outputs, write_preview, write_svg_text
+
+if TYPE_CHECKING:
+    from ..svg.read import SvgFile
+    from .edit_text import Edit, NamedDrawing
+
+
+class GivenEdit(NamedTuple):
+    """One edit that the command line asks for: the option's name, and what it does."""
+
+    name: str
+    apply: Edit
+
+
+class EditText(click.ParamType):
+    """An edit as text, such as "contour=1.5" -> what makes it."""
+
+    def __init__(self, edit: str, name: str):
+        self.edit, self.name = edit, name
+
+    def convert(self, value, param, ctx) -> Edit:
+        from .edit_text import parse_edit
+
+        try:
+            return parse_edit(self.edit, value)
+        except ValueError as error:  # a sentence that names the option
+            raise click.UsageError(str(error), ctx) from None
+
+
+class EditOption(click.Option):
+    """An option that is an edit; it may be given several times, and the order tells."""
+
+    def __init__(self, declarations, **settings):
+        metavar = settings["metavar"]
+        super().__init__(declarations, multiple=True, **settings)
+        self.type = EditText(str(self.name), metavar)
+
+
+class EditCommand(click.Command):
+    """Hands over the values of all edit options as `edits`, in the order of the command line.
+
+    click gives each option's values apart, so its parser is asked for the order of the options.
+    """
+
+    def parse_args(self, ctx, args):
+        _, _, order = self.make_parser(ctx).parse_args(list(args))
+        rest = super().parse_args(ctx, args)
+        options = [option for option in self.params if isinstance(option, EditOption)]
+        values = {option.name: iter(ctx.params.pop(option.name) or ()) for option in options}
+        ctx.params["edits"] = [
+            GivenEdit(option.name, edit)
+            for option in order
+            if isinstance(option, EditOption)
+            for edit in islice(values[option.name], 1)
+        ]
+        return rest
+
+
+def edit_option(name: str, metavar: str, text: str):
+    return click.option(f"--{name}", cls=EditOption, metavar=metavar, help=text)
+
+
+@click.command(
+    cls=EditCommand,
+    epilog="""Any edit but --move, --restyle and --drop can be for certain lines only, by kind or by
+part of the mesh: --thickness contour=1.5, --recolor wheel,hub=#a33. --drop names them likewise.
+
+\b
+Examples:
+  strokestyle edit out.svg -o thick.svg --thickness 2
+  strokestyle edit out.svg -o alive.svg --wiggle 3,40 --taper 30 --seed 5
+  strokestyle edit out.svg -o moved.svg --move s004:0.5:20,-10
+  strokestyle edit out.svg -o calm.svg --drop 'valley<40' --smooth 6 --recolor valley=#a33
+  strokestyle edit out.svg -o brush.svg --restyle brush.pt
+  strokestyle render model.pt mesh.obj -o - | strokestyle edit - -o - --wiggle 2,30 > out.svg""",
+)
+@click.argument("drawing", metavar="IN.svg", type=click.Path())
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    required=True,
+    help="OUT.svg, OUT.svgz, or - for standard output.",
+)
+@edit_option("thickness", "K", "Every thickness times K.")
+@edit_option(
+    "wiggle",
+    "AMPLITUDE,WAVELENGTH",
+    "Make lines tremble by up to AMPLITUDE px; their ends stay.",
+)
+@edit_option("smooth", "PX", "Smooth lines over PX; their ends stay.")
+@edit_option(
+    "simplify",
+    "PX",
+    "Draw lines through as few points as keep them within PX, curved between.",
+)
+@edit_option(
+    "move",
+    "STROKE:POINT:DX,DY",
+    "Move the point at POINT (0 to 1) of a stroke by DX,DY px; others follow.",
+)
+@edit_option("taper", "PX", "Bring strokes to a point over PX at either end.")
+@edit_option("recolor", "COLOR", "Change the ink's colour, the texture's too.")
+@edit_option("restyle", "MODEL", "Draw the lines in another hand.")
+@edit_option(
+    "drop", "WHAT", "Take strokes out: '<20' the shorter ones, 'valley,ridge', or 'valley<20'."
+)
+@click.option(
+    "--texture",
+    type=click.Choice(TEXTURES),
+    help="As in render.  [default: as it is]",
+)
+@click.option("--png", is_flag=True, help="Write a PNG preview beside the SVG.")
+@file_options
+@seed_option
+@common_options
+def edit(drawing, output, edits, texture, png, seed, **options):
+    """Change an SVG that render wrote, and perhaps others worked on; edits are made in the order in
+    which they stand.
+
+    The texture follows the strokes. Strokes that are not edited stay as they are; what is no stroke
+    (text, shapes of your own), and clips, gradients and filters on strokes are not kept. IN.svg may
+    be - for standard input. Points and sizes are pixels of the drawing.
+    """
+    if output != STANDARD_OUTPUT and Path(output).suffix.lower() not in SVG_SUFFIXES:
+        raise click.UsageError(f"{output}: edit writes .svg or .svgz")
+    if png and output == STANDARD_OUTPUT:
+        raise click.UsageError("standard output takes one SVG: no --png with -o -")
+    check_outputs([output], [drawing] if drawing != "-" else [])
+    from ..svg.read import read_svg_file
+    from ..svg.write import write_svg
+    from .edit_text import NamedDrawing
+
+    with timed("read the drawing"):
+        found = read_svg_file(sys.stdin.buffer.read() if drawing == "-" else drawing)
+    edited = make_edits(edits, NamedDrawing(found.drawing, found.ids), seed)
+    look = file_options.given(options)
+    if texture is None and look.get("inkscape_lpe"):
+        texture = "none"
+    if texture is not None:
+        look["texture"] = texture
+    with timed("write the SVG"):
+        text = write_svg(edited.drawing, found.options, ids=edited.ids, kept=found.kept, **look)
+    write_svg_text(output, text)
+    written = f"{output}, {write_preview(output, text)}" if png else output
+    say(f"{drawing}: {len(edited.ids)} strokes -> {written}{left_out(found)}")
+
+
+def make_edits(edits: Iterable[GivenEdit], drawing: NamedDrawing, seed: int) -> NamedDrawing:
+    """The drawing after one edit after the other."""
+    for change in edits:
+        with timed(change.name):
+            drawing = change.apply(drawing, seed)
+    return drawing
+
+
+def left_out(found: SvgFile) -> str:
+    """What of a file an edit does not keep, for the user: "; left out: shapes 2", or nothing."""
+    counts = {
+        "hidden strokes": found.hidden,
+        "shapes": found.others,
+        "clips, gradients, filters": found.effects,
+    }
+    lost = ", ".join(f"{what} {n}" for what, n in counts.items() if n)
+    return f"; left out: {lost}" if lost else ""

@@ -1,0 +1,149 @@
+"""`strokestyle fit`: learn a style from one drawing of a shape."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from .messages import say, timed
+from .options import (
+    PRESET_NAMES,
+    common_options,
+    curve_options,
+    device_option,
+    line_options,
+    seed_option,
+    view_options,
+)
+from .outputs import check_outputs
+from .progress import ProgressDisplay
+from .shape import Shape
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  strokestyle fit drawing.png shape.obj
+  strokestyle fit drawing.png shape.obj -o charcoal.pt --preset quick
+  strokestyle fit scan.jpg shape.obj --camera camera.json --curves curves.json
+  strokestyle fit drawing.png view.npz --preset paper --device cuda
+  strokestyle fit drawing.png view.npz --preset paper --minutes 30 --resume"""
+)
+@click.argument("drawing", type=click.Path())
+@click.argument("shape", type=click.Path())
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    default="model.pt",
+    show_default=True,
+    help="The model to write; a picture of the fit is written beside it.",
+)
+@click.option(
+    "--preset",
+    type=click.Choice(PRESET_NAMES),
+    default="standard",
+    show_default=True,
+    help="quick: half a minute; standard: a few minutes; paper: the paper's networks and "
+    "schedule, for a GPU.",
+)
+@click.option(
+    "--minutes",
+    type=click.FloatRange(0.1, 60 * 24 * 30),
+    metavar="M",
+    help="Take as many steps as this machine does in M minutes, learning rate brought down within "
+    "them; never more than help (paper: than its schedule). How many differs from run to run, and "
+    "so does the model.",
+)
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on from OUT.pt.checkpoint, which an interrupted fit leaves; without one, start from "
+    "the beginning. Ends with the model of a fit that was not interrupted.",
+)
+@seed_option
+@device_option
+@view_options
+@line_options
+@curve_options
+@common_options
+def fit(drawing, shape, output, preset, minutes, resume, seed, device, **options):
+    """Learn a style from DRAWING, an artist's drawing of SHAPE.
+
+    The drawing (PNG, JPEG, TIFF) is one made over the sheet of `strokestyle extract`, with the same
+    view and line options. Beside the model OUT.pt a picture OUT.fit.png shows drawing, mask, and
+    what was learned of both.
+    """
+    picture = str(Path(output).with_suffix(".fit.png"))
+    check_outputs([output, picture], [drawing, shape])
+    view = Shape(shape, options).view()
+    if not len(view.curves):
+        raise ValueError(
+            f"{shape}: no visible curves from this view: there is nothing to learn from; "
+            "try another --view"
+        )
+    from ..fit.exemplar import load_exemplar
+
+    with timed("read the drawing"):
+        size = view.camera.width, view.camera.height
+        exemplar, note = load_exemplar(drawing, *size, view.curves.xy)
+    if note:
+        say(f"{drawing}: {note}")
+    from ..fit.checkpoint import Checkpoint
+    from ..fit.report import fit_report
+    from ..fit.train import PRESETS, fit_style
+    from ..render.style_file import save_style
+
+    kept = Path(f"{output}.checkpoint")
+    say_how_it_begins(kept, resume, minutes)
+    checkpoint = Checkpoint(kept, resume=resume)
+    started = time.perf_counter()
+    try:
+        with ProgressDisplay() as progress:
+            style = fit_style(
+                view,
+                exemplar,
+                PRESETS[preset],
+                seed=seed,
+                device=device,
+                progress=progress,
+                source=Path(drawing).name,
+                checkpoint=checkpoint,
+                minutes=minutes,
+            )
+    except KeyboardInterrupt:
+        text = "go on with --resume" if kept.exists() else "there was nothing to keep yet"
+        raise KeyboardInterrupt(f"interrupted; {text}") from None
+    save_style(output, style)
+    checkpoint.remove()
+    write_picture(picture, fit_report(view, exemplar, style))
+    say(f"{drawing}: learned in {time.perf_counter() - started:.0f} s -> {output}, {picture}")
+
+
+def say_how_it_begins(checkpoint: Path, resume: bool, minutes: float | None) -> None:
+    """Tell what becomes of a checkpoint that an earlier fit left, or did not leave."""
+    if resume and not checkpoint.exists():
+        say(f"{checkpoint}: no checkpoint there; starting from the beginning")
+    elif resume and minutes:
+        say(f"{checkpoint}: going on with the steps chosen then, not with --minutes {minutes:g}")
+    elif not resume and checkpoint.exists():
+        say(
+            f"{checkpoint}: left by an interrupted fit, to be replaced; "
+            "--resume would go on from it"
+        )
+
+
+def write_picture(path: str, image: np.ndarray) -> None:
+    """Write (H, W, 3) in [0, 1] as PNG."""
+    from PIL import Image
+
+    from ..files import replace_file
+
+    picture = Image.fromarray((image * 255.0 + 0.5).astype("uint8"))
+    replace_file(path, lambda name: picture.save(name, format="PNG", optimize=True))

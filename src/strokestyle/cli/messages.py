@@ -1,0 +1,64 @@
+"""What the user is told on stderr: results, how long stages took, and one line for an error."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from ..geometry.curves import Curves
+
+VERBOSITY = "strokestyle.verbosity"  # in click's `meta`: -1 with -q, 1 with -v
+
+
+def verbosity() -> int:
+    """How much the user wants to hear: -1 errors only, 0 results too, 1 the stages' times too."""
+    context = click.get_current_context(silent=True)
+    return context.meta.get(VERBOSITY, 0) if context else 0
+
+
+def say(text: str = "", level: int = 0) -> None:
+    """Tell the user on stderr; `level` 1 only with -v, and nothing with -q but what has -1."""
+    if verbosity() >= level:
+        click.echo(text, err=True)
+
+
+class timed:
+    """`with timed("lines"):` says with -v how long that took."""
+
+    def __init__(self, name: str):
+        self.name = name
+
+    def __enter__(self) -> None:
+        self.start = time.perf_counter()
+
+    def __exit__(self, *error) -> None:
+        if error[0] is None:
+            say(f"  {self.name}: {time.perf_counter() - self.start:.2f} s", level=1)
+
+
+def describe(error: BaseException) -> str:
+    """An error of the library or the system as one line for the person."""
+    if isinstance(error, MemoryError):
+        return "out of memory: try a smaller --size or a simplified mesh"
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        text = f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}"
+    else:
+        text = str(error) or type(error).__name__
+    return " ".join(text.split())
+
+
+def count_curves(curves: Curves) -> str:
+    """Number, length and kinds of curves: "41 curves, 5312 px (contour 20, valley 21)"."""
+    import numpy as np
+
+    from ..geometry.kinds import KINDS
+
+    if not len(curves):
+        return "no curves"
+    counts = np.bincount(curves.kind, minlength=len(KINDS))
+    kinds = ", ".join(f"{name} {n}" for name, n in zip(KINDS, counts, strict=True) if n)
+    plural = "s" if len(curves) > 1 else ""
+    return f"{len(curves)} curve{plural}, {curves.lengths().sum():.0f} px ({kinds})"

@@ -1,0 +1,325 @@
+"""What the commands' options take, and the groups of options that several commands share."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import click
+
+from ..geometry.kinds import SURFACE_KINDS
+from .messages import VERBOSITY
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+# Text for --help, so that it needs no import of numpy; tests compare it with the library.
+VIEWS = "front, three-quarter, side, back, top"
+PRESET_NAMES = ("quick", "standard", "paper")
+TEXTURES = ("auto", "vector", "image", "none")
+SIZES = (64, 8192)  # px, the least and the most of a canvas's side
+
+
+# ------------------------------------------------------------------------------- what options take
+
+
+class Size(click.ParamType):
+    """The canvas: "768" or "1024x768" -> (width, height) in pixels."""
+
+    name = "PX|WxH"
+
+    def convert(self, value, param, ctx) -> tuple[int, int]:
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).lower().split("x")
+        if len(parts) in (1, 2) and all(part.isdigit() for part in parts):
+            size = int(parts[0]), int(parts[-1])
+            if SIZES[0] <= min(size) and max(size) <= SIZES[1]:
+                return size
+        self.fail(
+            f"{value!r} is no canvas size: give pixels from {SIZES[0]} to {SIZES[1]}, "
+            "such as 768 or 1024x768",
+            param,
+            ctx,
+        )
+
+
+class ViewName(click.ParamType):
+    """Where the eye stands: a name or "azimuth,elevation", kept as text and checked."""
+
+    name = "NAME|AZ,EL"
+
+    def convert(self, value, param, ctx) -> str:
+        from ..extract.camera import parse_view
+
+        try:
+            parse_view(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        return value
+
+
+class Kinds(click.ParamType):
+    """Kinds of line: "contour,valley" or "all" -> their names."""
+
+    name = "KIND,..."
+
+    def convert(self, value, param, ctx) -> tuple[str, ...]:
+        if isinstance(value, tuple):
+            return value
+        names = tuple(part.strip() for part in value.split(",") if part.strip())
+        if names == ("all",):
+            return SURFACE_KINDS
+        wrong = [name for name in names if name not in SURFACE_KINDS]
+        if wrong or not names:
+            self.fail(
+                f"{', '.join(wrong) or 'nothing'}: no such kind of line; "
+                f"there are {', '.join(SURFACE_KINDS)}, all",
+                param,
+                ctx,
+            )
+        return names
+
+
+class Detail(click.ParamType):
+    """Detail of the soft lines: "2" or "0.5..2" -> (low, high)."""
+
+    name = "N|LOW..HIGH"
+
+    def convert(self, value, param, ctx) -> tuple[float, float]:
+        from ..extract.line_options import LEAST_DETAIL, MOST_DETAIL
+
+        if isinstance(value, tuple):
+            return value
+        first, dots, last = str(value).partition("..")
+        try:
+            low = float(first)
+            high = float(last) if dots else low
+        except ValueError:
+            self.fail(
+                f"{value!r} is neither a number nor a range: give one such as 2, or 0.5..2",
+                param,
+                ctx,
+            )
+        if not all(LEAST_DETAIL <= detail <= MOST_DETAIL for detail in (low, high)):
+            self.fail(
+                f"{value}: detail lies between {LEAST_DETAIL:g} and {MOST_DETAIL:g}", param, ctx
+            )
+        if high < low:
+            self.fail(
+                f"{value}: a range of detail runs from LOW to HIGH: {high:g}..{low:g}", param, ctx
+            )
+        return low, high
+
+
+# ----------------------------------------------------------------------------------- option groups
+
+
+class OptionGroup:
+    """Options that several commands share: a decorator that knows the names of its options.
+
+    Parameters
+    ----------
+    options : what `click.option` gives, in the order of the help text
+
+    Attributes
+    ----------
+    flags : of each option, by the name of the parameter that its value is passed as:
+        {"page_size": "--page-size"}
+    """
+
+    def __init__(self, *options: Callable[[Function], Function]):
+        self.options = options
+        command = click.command("group")(self(lambda: None))
+        self.flags = {param.name: param.opts[-1] for param in command.params}
+
+    def __call__(self, function: Function) -> Function:
+        return functools.reduce(lambda f, option: option(f), reversed(self.options), function)
+
+    def given(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Those of `values` that are of this group and not None, by the parameters' names."""
+        return {name: values[name] for name in self.flags if values.get(name) is not None}
+
+    def given_flags(self, values: Mapping[str, Any]) -> list[str]:
+        """The options of this group whose values are not None, as the command line has them."""
+        return [self.flags[name] for name in self.given(values)]
+
+
+def _set_verbosity(ctx, param, value) -> None:
+    if value:
+        ctx.meta[VERBOSITY] = -1 if param.name == "quiet" else 1
+
+
+common_options = OptionGroup(
+    click.option(
+        "-q",
+        "--quiet",
+        is_flag=True,
+        expose_value=False,
+        callback=_set_verbosity,
+        help="Say nothing but errors.",
+    ),
+    click.option(
+        "-v",
+        "--verbose",
+        is_flag=True,
+        expose_value=False,
+        callback=_set_verbosity,
+        help="Say how long each stage takes.",
+    ),
+)
+
+view_options = OptionGroup(
+    click.option(
+        "--view",
+        type=ViewName(),
+        help=f"Where the eye stands: {VIEWS}, or azimuth,elevation in degrees."
+        "  [default: three-quarter]",
+    ),
+    click.option(
+        "--camera",
+        type=click.Path(),
+        help="A camera.json (eye, target, up, fov_y_deg, size), in place of the view options.",
+    ),
+    click.option(
+        "--fov",
+        type=click.FloatRange(1, 150),
+        help="Vertical field of view, degrees.  [default: 30]",
+    ),
+    click.option(
+        "--up",
+        type=click.Choice(["y", "z"]),
+        help="Which axis of the mesh points up.  [default: y]",
+    ),
+    click.option("--size", type=Size(), help="Canvas, pixels.  [default: 768]"),
+)
+
+# What LineOptions takes, under its names.
+line_options = OptionGroup(
+    click.option(
+        "--lines",
+        "kinds",
+        type=Kinds(),
+        help="Kinds of line to draw: "
+        + ", ".join(SURFACE_KINDS)
+        + ", or all.  [default: all but apparent]",
+    ),
+    click.option(
+        "--crease",
+        type=click.FloatRange(1, 180),
+        help="Dihedral angle of a crease, degrees.  [default: 40]",
+    ),
+    click.option(
+        "--suggestive",
+        type=click.FloatRange(0),
+        help="Threshold of suggestive contours, in units of the feature size.  [default: 0.01]",
+    ),
+    click.option(
+        "--ridge",
+        type=click.FloatRange(0),
+        help="Threshold of ridges, in units of the feature size.  [default: 0.4]",
+    ),
+    click.option(
+        "--valley",
+        type=click.FloatRange(0),
+        help="Threshold of valleys, in units of the feature size.  [default: 0.1]",
+    ),
+    click.option(
+        "--apparent",
+        type=click.FloatRange(0),
+        help="Threshold of apparent ridges, in units of the feature size.  [default: 0.1]",
+    ),
+)
+
+# What is done with the lines besides, or what is drawn in their place.
+curve_options = OptionGroup(
+    click.option(
+        "--detail",
+        type=Detail(),
+        help="More (2) or fewer (0.5) soft lines: all thresholds but the crease's at once. "
+        "LOW..HIGH: the lines of LOW, each followed as far as it would be drawn at HIGH."
+        "  [default: 1; 0.1<=x<=10]",
+    ),
+    click.option(
+        "--spacing",
+        type=click.FloatRange(0.5, 50),
+        help="Distance of the curves' points, pixels.  [default: 3]",
+    ),
+    click.option(
+        "--curves", type=click.Path(), help="Draw these curves (.json or .svg) instead of our own."
+    ),
+)
+
+seed_option = click.option(
+    "--seed",
+    type=click.IntRange(0, 2**31 - 1),
+    default=0,
+    show_default=True,
+    help="Same seed, same machine, same bytes.",
+)
+
+device_option = click.option(
+    "--device",
+    type=click.Choice(["auto", "cpu", "cuda"]),
+    default="auto",
+    show_default=True,
+    help="Where to compute; auto takes CUDA where there is one.",
+)
+
+# How an SVG is written: fields of SvgOptions, under their names.
+file_options = OptionGroup(
+    click.option(
+        "--tones",
+        type=click.IntRange(1, 8),
+        metavar="N",
+        help="Tones of a vector texture, 1 to 8.  [default: 3]",
+    ),
+    click.option(
+        "--texture-res",
+        type=click.FloatRange(0.1, 16),
+        metavar="R",
+        help="Pixels of an image texture per pixel.  [default: 1.75]",
+    ),
+    click.option(
+        "--tolerance",
+        type=click.FloatRange(0, 100, min_open=True),
+        metavar="PX",
+        help="How far an outline may be off; a tone's edge, twice that.  [default: 0.1]",
+    ),
+    click.option(
+        "--page-size",
+        metavar="A4|WxHmm",
+        help="Paper: A0 to A6, letter, legal, or for instance 210x297mm.",
+    ),
+    click.option(
+        "--layers",
+        type=click.Choice(["kind", "part", "none"]),
+        help="A layer for each kind of line, in it one for each named part of the mesh; "
+        "part: the other way round; none: strokes in painting order.  [default: kind]",
+    ),
+    click.option(
+        "--decimals", type=click.IntRange(0, 6), help="Decimals of the coordinates.  [default: 2]"
+    ),
+    click.option(
+        "--title", metavar="TEXT", help="Title of the drawing.  [default: the shape's name]"
+    ),
+    click.option("--author", metavar="NAME", help="Author, told in the file's metadata."),
+    click.option(
+        "--license",
+        metavar="NAME|URL",
+        help="Licence, likewise: CC-BY-4.0, CC0-1.0 ..., a URL, or other words.",
+    ),
+    click.option(
+        "--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb."
+    ),
+    click.option(
+        "--plotter", is_flag=True, default=None, help="Centre lines only, in mm, for pen plotters."
+    ),
+    click.option(
+        "--inkscape-lpe",
+        is_flag=True,
+        default=None,
+        help="Flat strokes as Inkscape's PowerStrokes, whose width it edits; "
+        "other programs show the same outlines.",
+    ),
+)

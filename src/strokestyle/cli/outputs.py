@@ -1,0 +1,52 @@
+"""What a command writes: checked before any work, whole or not at all; - is standard output."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+
+STANDARD_OUTPUT = "-"
+SVG_SUFFIXES = (".svg", ".svgz")
+
+
+def check_outputs(outputs: Iterable[str], inputs: Iterable[str]) -> None:
+    """Check, before any work, that every output can be written and that none is an input.
+
+    Raises OSError where one cannot be written, ValueError where one is an input; either names it.
+    """
+    from ..files import check_writable
+
+    sources = [source for source in inputs if Path(source).exists()]
+    for output in outputs:
+        if output == STANDARD_OUTPUT:
+            continue
+        check_writable(output)
+        for source in sources:
+            if Path(output).exists() and os.path.samefile(output, source):
+                raise ValueError(f"{output}: is the input; give the output another name")
+
+
+def write_svg_text(output: str, text: str) -> None:
+    """Write SVG text to a file, gzipped where its name ends in .svgz, or to standard output."""
+    from ..svg.write import write_text
+
+    if output == STANDARD_OUTPUT:
+        click.echo(text, nl=False)
+    else:
+        write_text(output, text)
+
+
+def write_preview(output: str, svg: str, scale: float = 1.0) -> str:
+    """Write the PNG of an SVG beside it and return its name.
+
+    `scale` : pixels of the PNG per pixel of the SVG
+    """
+    from ..files import write_bytes
+    from ..svg.write import png_from_svg
+
+    preview = str(Path(output).with_suffix(".png"))
+    write_bytes(preview, png_from_svg(svg, scale))
+    return preview

@@ -1,0 +1,283 @@
+"""`strokestyle render`: draw shapes in a learned style."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from .. import __version__
+from .messages import count_curves, describe, say, timed
+from .model import read_style
+from .options import (
+    TEXTURES,
+    common_options,
+    curve_options,
+    device_option,
+    file_options,
+    line_options,
+    seed_option,
+    view_options,
+)
+from .outputs import STANDARD_OUTPUT, write_preview, write_svg_text
+from .shape import Shape
+
+if TYPE_CHECKING:
+    from ..drawing.strokes import Drawing
+    from ..extract.view import View
+    from ..render.batch import Job
+
+ENCODINGS = {"vector": "grain as paths", "image": "texture as images", "none": "flat ink"}
+
+
+class RenderSettings(NamedTuple):
+    """How every shape of a batch is drawn, and what is written of it.
+
+    Parameters
+    ----------
+    model : file of the style
+    device, seed : as `load_style` and `Style.draw` take them
+    shape : the options of `Shape`, turntable included
+    look : fields of SvgOptions
+    write_svg : whether the drawing itself is written
+    preview : pixels of its PNG per pixel of the SVG, or None for no PNG
+    stages : folder for the steps of the drawing, or None
+    stages_scale : pixels of their PNGs per pixel of the drawing
+    """
+
+    model: str
+    device: str
+    seed: int
+    shape: dict[str, Any]
+    look: dict[str, Any]
+    write_svg: bool
+    preview: float | None
+    stages: str | None
+    stages_scale: float
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  strokestyle render model.pt mesh.obj -o out.svg --png
+  strokestyle render model.pt *.ply -o drawings/
+  strokestyle render model.pt meshes/ -o drawings/ --jobs 2 --view side
+  strokestyle render model.pt mesh.obj -o spin/ --turntable 24 --png
+  strokestyle render model.pt mesh.obj --stages figure/
+  strokestyle render model.pt mesh.obj -o - | gzip > out.svgz"""
+)
+@click.argument("model", type=click.Path())
+@click.argument("shapes", nargs=-1, required=True, type=click.Path())
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(),
+    help="OUT.svg, OUT.svgz, a folder for several drawings, or - for standard output.",
+)
+@click.option(
+    "--texture",
+    type=click.Choice(TEXTURES),
+    default="auto",
+    show_default=True,
+    help="vector: grain as paths, crisp at any size; image: a picture for each stroke; none: flat "
+    "ink; auto: vector for grain in one ink, image for soft or coloured texture.",
+)
+@click.option("--png", is_flag=True, help="Write a PNG preview beside each SVG.")
+@click.option(
+    "--png-scale",
+    type=click.FloatRange(0.1, 16),
+    default=1.0,
+    show_default=True,
+    help="Preview pixels per SVG pixel.",
+)
+@file_options
+@click.option(
+    "--turntable",
+    type=click.IntRange(1, 3600),
+    metavar="N",
+    help="N drawings round the upright axis, OUT-000.svg ...",
+)
+@click.option(
+    "--stages",
+    type=click.Path(),
+    metavar="DIR",
+    help="Write how the drawing comes about, as SVG and PNG: DIR/SHAPE-1-curves, -2-displaced, "
+    "-3-strokes, -4-textured, and all four on one -sheet.png. Takes the place of -o, or goes "
+    "beside it.",
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, 256),
+    default=1,
+    show_default=True,
+    help="Shapes drawn at the same time.",
+)
+@seed_option
+@device_option
+@view_options
+@line_options
+@curve_options
+@common_options
+def render(model, shapes, output, jobs, png, png_scale, stages, seed, device, texture, **options):
+    """Draw SHAPES in the hand of MODEL, one SVG each.
+
+    A folder stands for all the meshes and views in it. Where one of several shapes cannot be drawn,
+    the others are, and the exit code is 1.
+    """
+    if output is None and not stages:
+        raise click.UsageError("nothing to write: give -o OUT.svg, or --stages DIR")
+    if stages:
+        Path(stages).mkdir(parents=True, exist_ok=True)
+    batch = plan(shapes, output or os.path.join(stages, ""))
+    if output == STANDARD_OUTPUT and (png or options["turntable"]):
+        raise click.UsageError(
+            "standard output takes one SVG: no --png and no --turntable with -o -"
+        )
+    settings = RenderSettings(
+        model,
+        device,
+        seed,
+        shape=options,
+        look={"texture": texture, **file_options.given(options)},
+        write_svg=output is not None,
+        preview=png_scale if png else None,
+        stages=stages,
+        stages_scale=png_scale,
+    )
+    if draw_batch(settings, batch, jobs):
+        sys.exit(1)
+
+
+def plan(shapes: tuple[str, ...], output: str) -> list[Job]:
+    """Which file each shape goes to; where that is not clear, the command line is wrong."""
+    from ..render.batch import UnclearOutput, plan_outputs
+
+    try:
+        return plan_outputs(shapes, output)
+    except UnclearOutput as error:
+        raise click.UsageError(str(error)) from None
+
+
+# --------------------------------------------------------------------------------------- the batch
+
+
+class Outcome(NamedTuple):
+    """What became of one shape: what was written, or else the error."""
+
+    done: str = ""
+    error: str = ""
+
+
+def draw_batch(settings: RenderSettings, batch: list[Job], jobs: int) -> int:
+    """Draw all shapes, `jobs` at a time, and say what became of each; the number that failed."""
+    draw = functools.partial(try_to_draw, settings)
+    workers = min(jobs, len(batch))
+    if workers == 1:
+        return report(map(draw, batch), len(batch))
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with ProcessPoolExecutor(workers, get_context("spawn"), share_cores, (workers,)) as pool:
+        return report(pool.map(draw, batch), len(batch))
+
+
+def share_cores(workers: int) -> None:
+    """In a new process, before the libraries that read this are imported."""
+    os.environ["OMP_NUM_THREADS"] = str(max(1, (os.cpu_count() or 1) // workers))
+
+
+def report(outcomes: Iterable[Outcome], total: int) -> int:
+    """Say what became of each shape as it is done; the number that failed."""
+    failed = 0
+    for outcome in outcomes:
+        if outcome.error:
+            say(f"strokestyle: {outcome.error}", level=-1)
+            failed += 1
+        else:
+            say(outcome.done)
+    if failed and total > 1:
+        say(f"{total - failed} of {total} shapes drawn", level=-1)
+    return failed
+
+
+def try_to_draw(settings: RenderSettings, job: Job) -> Outcome:
+    """Draw one shape; its errors are part of the outcome, so that they do not stop the batch."""
+    try:
+        return Outcome(done=draw_shape(settings, job))
+    except (ValueError, OSError, MemoryError) as error:
+        line = describe(error)
+        named = any(name in line for name in (job.shape, settings.model, job.output))
+        return Outcome(error=line if named else f"{job.shape}: {line}")
+
+
+# --------------------------------------------------------------------------------------- one shape
+
+
+def draw_shape(settings: RenderSettings, job: Job) -> str:
+    """Draw one shape from all sides that are asked for, and write that; what to say of it."""
+    style = read_style(settings.model, settings.device)
+    written = []
+    for side, view in enumerate(Shape(job.shape, settings.shape).views()):
+        with timed("draw"):
+            drawing = style.draw(view, seed=settings.seed)
+        written += write_side(settings, job, side, view, drawing)
+    files = ", ".join(written) if len(written) < 4 else f"{written[0]} ... {written[-1]}"
+    empty = not len(view.curves)
+    note = " (no visible curves from this view: an empty drawing)" if empty else ""
+    return f"{job.shape}: {count_curves(view.curves)} -> {files}{note}"
+
+
+def write_side(
+    settings: RenderSettings, job: Job, side: int, view: View, drawing: Drawing
+) -> list[str]:
+    """Write what is asked for of one side of a shape; what to say of each."""
+    from ..render.batch import numbered_output, picture_suffix
+
+    title, count = Path(job.shape).stem, settings.shape["turntable"]
+    written = []
+    if settings.write_svg:
+        output = numbered_output(job.output, side, count) if count else job.output
+        written.append(write_drawing(settings, drawing, output, title))
+    if settings.stages:
+        suffix = picture_suffix(side, count) if count else ""
+        name = os.path.join(settings.stages, title + suffix)
+        written.append(write_stages(settings, view, drawing, name, title))
+    return written
+
+
+def write_drawing(settings: RenderSettings, drawing: Drawing, output: str, title: str) -> str:
+    """Write one drawing, and its preview; what to say of it."""
+    from ..svg.format import SvgOptions
+    from ..svg.write import resolve_texture, write_svg
+
+    made_by = {"title": title, "description": f"Drawn by strokestyle {__version__}"}
+    with timed("write the SVG"):
+        look = resolve_texture(drawing, SvgOptions(**{**made_by, **settings.look}))
+        text = write_svg(drawing, look)
+        write_svg_text(output, text)
+    written = output
+    if settings.preview:
+        with timed("preview"):
+            written += f", {write_preview(output, text, settings.preview)}"
+    return written if look.plotter else f"{written} ({ENCODINGS[look.texture]})"
+
+
+def write_stages(
+    settings: RenderSettings, view: View, drawing: Drawing, name: str, title: str
+) -> str:
+    """Write the steps of one drawing as `name`-1-curves.svg and so on; what to say of them."""
+    from ..files import write_bytes
+    from ..render.figure import figure_files, figure_steps
+
+    background = settings.look.get("background")
+    texture = settings.look["texture"]
+    with timed("stages"):
+        steps = figure_steps(view, drawing, title=title, background=background, texture=texture)
+        for part, data in figure_files(steps, settings.stages_scale).items():
+            write_bytes(f"{name}-{part}", data)
+    return f"{name}-sheet.png and its parts"

@@ -1,0 +1,166 @@
+"""The SHAPE argument: a mesh or a saved view, read once, and the views that the options ask for."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .messages import timed
+from .options import curve_options, line_options, view_options
+
+if TYPE_CHECKING:
+    from ..extract.camera import Camera
+    from ..extract.line_options import LineOptions
+    from ..extract.rays import Bvh
+    from ..extract.view import View
+    from ..mesh.surface import Surface
+
+VIEW_SUFFIX = ".npz"
+
+
+class Shape:
+    """A mesh, or a view that extract saved, and how the options want to see it.
+
+    Parameters
+    ----------
+    path : its file
+    options : values of the view, line and curve options and of "hidden" and "turntable", by their
+        parameters' names; None where not given
+
+    Raises
+    ------
+    click.UsageError
+        where options contradict each other, or a saved view.
+    FileNotFoundError
+        where there is no such mesh.
+    """
+
+    def __init__(self, path: str, options: Mapping[str, Any]):
+        self.path, self.options = path, options
+        self.is_view = Path(path).suffix.lower() == VIEW_SUFFIX
+        self.has_own_curves = not (self.is_view or options.get("curves"))
+        _refuse_two_cameras(options)
+        if options.get("hidden") and not self.has_own_curves:
+            raise click.UsageError(
+                "--hidden needs a mesh and its own curves, not a saved view or --curves"
+            )
+        if options.get("turntable") and not self.has_own_curves:
+            raise click.UsageError(
+                "--turntable needs a mesh and its own curves: a saved view and --curves "
+                "have one side"
+            )
+        if self.is_view:
+            self._refuse_options()
+        elif not Path(path).exists():
+            raise FileNotFoundError(f"{path}: no such file")
+
+    def _refuse_options(self) -> None:
+        """Raise a usage error where an option is given that a saved view has settled."""
+        groups = (line_options, curve_options, view_options)
+        given = [flag for group in groups for flag in group.given_flags(self.options)]
+        if given:
+            raise click.UsageError(
+                f"{self.path} is a saved view, with camera and curves: leave out {', '.join(given)}"
+            )
+
+    @functools.cached_property
+    def surface(self) -> Surface:
+        """The mesh, cleaned and measured."""
+        from ..mesh.surface import load_surface
+
+        with timed("read the mesh"):
+            return load_surface(self.path)
+
+    @functools.cached_property
+    def bvh(self) -> Bvh:
+        """What finds the faces of the mesh that rays hit."""
+        from ..extract.rays import Bvh
+
+        return Bvh(self.surface)
+
+    def camera(self) -> Camera:
+        """The camera that the options ask for; with --turntable it sees the shape all round."""
+        from ..extract.camera import DEFAULT_FOV, DEFAULT_SIZE, Camera, fit_camera
+        from ..extract.turntable import fit_turntable_camera
+
+        options = self.options
+        if options.get("camera"):
+            return Camera.load(options["camera"])
+        width, height = options.get("size") or (DEFAULT_SIZE, DEFAULT_SIZE)
+        fit = fit_turntable_camera if options.get("turntable") else fit_camera
+        return fit(
+            self.surface.vertices,
+            options.get("view") or "three-quarter",
+            options.get("fov") or DEFAULT_FOV,
+            width,
+            height,
+            options.get("up") or "y",
+        )
+
+    def view(self) -> View:
+        """The view that the file holds, or that of the mesh from the camera."""
+        from ..extract.pipeline import extract_view
+        from ..extract.view_file import load_view
+
+        if self.is_view:
+            return load_view(self.path)
+        if self.options.get("curves"):
+            return self._view_of_curves()
+        surface, camera, bvh = self.surface, self.camera(), self.bvh
+        with timed("curves and feature maps"):
+            hidden = self.options.get("hidden", False)
+            return extract_view(
+                surface, camera, self.line_options(), self.spacing(), scene=bvh, hidden=hidden
+            )
+
+    def _view_of_curves(self) -> View:
+        """The mesh seen behind the curves of another program."""
+        from ..extract.pipeline import view_of_curves
+        from ..render.curve_file import load_curves
+
+        camera = self.camera()
+        curves = load_curves(self.options["curves"], (camera.width, camera.height))
+        with timed("feature maps"):
+            return view_of_curves(self.surface, camera, curves, self.spacing(), scene=self.bvh)
+
+    def views(self) -> Iterator[View]:
+        """The view; or with --turntable N views, once round the upright axis."""
+        from ..extract.turntable import turntable
+
+        count = self.options.get("turntable")
+        if not count:
+            yield self.view()
+            return
+        views = turntable(
+            self.surface, self.camera(), count, self.line_options(), self.spacing(), bvh=self.bvh
+        )
+        for _ in range(count):
+            with timed("curves and feature maps"):
+                view = next(views)
+            yield view
+
+    def line_options(self) -> LineOptions:
+        """Which lines the options ask for."""
+        from ..extract.line_options import LineOptions
+
+        options = LineOptions(**line_options.given(self.options))
+        detail = self.options.get("detail")
+        return options.detailed(*detail) if detail else options
+
+    def spacing(self) -> float:
+        """The distance between the points of the curves that the options ask for, px."""
+        from ..geometry.curves import DEFAULT_SPACING
+
+        return self.options.get("spacing") or DEFAULT_SPACING
+
+
+def _refuse_two_cameras(options: Mapping[str, Any]) -> None:
+    flags = [flag for flag in view_options.given_flags(options) if flag != "--camera"]
+    if options.get("camera") and flags:
+        raise click.UsageError(
+            f"--camera already says where the eye stands: leave out {', '.join(flags)}"
+        )
