@@ -3,7 +3,8 @@
 import numpy as np
 
 from strokestyle.render.config import StyleConfig
-from strokestyle.render.features import FEATURES
+from strokestyle.render.displacement import DEFORMATIONS
+from strokestyle.render.features import FEATURES, FeatureScaling
 from strokestyle.render.style import Style, SumOfCurves
 
 
@@ -13,4 +14,5 @@ def plain_style(size=768, thin_above=False):
     line = np.where(np.array(FEATURES) == "height", 6.0 * thin_above, 0.0)
     none = np.zeros((count, 1))
     network = SumOfCurves(none, none, none, line, np.float32(-3.0 if thin_above else 1.5))
-    return Style(StyleConfig(size), network, np.zeros(8), each, each + 1, each - 9, each + 9)
+    scaling = FeatureScaling(each - 9, each + 9, each, each + 1)
+    return Style(StyleConfig(size), network, np.zeros(len(DEFORMATIONS)), scaling)

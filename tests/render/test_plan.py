@@ -14,7 +14,7 @@ def line(a, b, n=40):
 def test_two_ends_that_head_the_same_way_become_one_stroke():
     curves = Curves.from_list([line((10, 50), (60, 50)), line((66, 50), (120, 50))], [0, 0])
     assert len(plan_strokes(curves)) == 1
-    assert len(plan_strokes(curves, join=0)) == 2
+    assert len(plan_strokes(curves, join_gap=0)) == 2
     apart = Curves.from_list([line((10, 50), (60, 50)), line((90, 50), (120, 50))], [0, 0])
     assert len(plan_strokes(apart)) == 2
     turned = Curves.from_list([line((10, 50), (60, 50)), line((62, 56), (62, 120))], [0, 0])
@@ -26,7 +26,7 @@ def test_a_corner_ends_a_stroke_and_a_bend_does_not():
         [np.concatenate([line((10, 50), (60, 50)), line((60, 51), (60, 100))])], [0]
     )
     assert len(plan_strokes(corner)) == 2
-    assert len(plan_strokes(corner, corner=180)) == 1
+    assert len(plan_strokes(corner, corner_angle=180)) == 1
     angle = np.linspace(0, np.pi / 2, 60)
     bend = Curves.from_list([60 * np.stack([np.cos(angle), np.sin(angle)], 1) + 100], [0])
     assert len(plan_strokes(bend)) == 1
@@ -39,17 +39,17 @@ def test_strokes_are_pulled_down_and_to_the_right():
 
 
 def test_strokes_run_on_straight_past_their_ends():
-    planned = plan_strokes(Curves.from_list([line((20, 50), (80, 50))], [0]), extend=12)
+    planned = plan_strokes(Curves.from_list([line((20, 50), (80, 50))], [0]), max_overshoot=12)
     assert np.allclose(planned.xy[:, 1], 50)
     assert np.isclose(planned.xy[0, 0], 8, atol=3.1) and np.isclose(planned.xy[-1, 0], 92, atol=3.1)
-    assert (planned.beyond[(planned.xy[:, 0] > 21) & (planned.xy[:, 0] < 79)] == 0).all()
-    assert planned.beyond.max() <= 12.1
+    assert planned.on_curve[(planned.xy[:, 0] > 21) & (planned.xy[:, 0] < 79)].all()
+    assert planned.overshoot.max() <= 12.1
 
 
 def test_values_are_carried_from_the_curves():
     curves = Curves.from_list([line((10, 30), (90, 30)), line((20, 70), (80, 75))], [0, 4])
     planned = plan_strokes(curves)
-    within = planned.beyond == 0
+    within = planned.on_curve
     assert np.allclose(planned.carry(curves.xy)[within], planned.xy[within], atol=0.2)
     assert sorted(planned.kind) == [0, 4]
 
@@ -60,5 +60,5 @@ def test_values_are_carried_from_the_curves():
     ids=["none", "dot", "speck", "hairpin"],
 )
 def test_the_zoo_stays_finite(lines):
-    planned = plan_strokes(Curves.from_list(lines), extend=10)
+    planned = plan_strokes(Curves.from_list(lines), max_overshoot=10)
     assert np.isfinite(planned.xy).all() and len(planned.offsets) == len(planned.kind) + 1

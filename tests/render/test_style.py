@@ -13,7 +13,7 @@ from strokestyle.files import read_model, write_model
 from strokestyle.geometry.curves import Curves
 from strokestyle.geometry.parts import Parts
 from strokestyle.render.config import StyleConfig
-from strokestyle.render.features import FEATURES
+from strokestyle.render.features import FEATURES, FeatureScaling
 from strokestyle.render.networks import AdditiveNet
 from strokestyle.render.style import Style, SumOfCurves
 from strokestyle.render.style_file import load_style, save_style
@@ -98,17 +98,15 @@ def test_curves_of_two_parts_may_be_drawn_in_one_go_and_are_two_strokes():
 def test_a_model_without_a_part_of_its_texture_is_refused(tmp_path):
     count, path = len(FEATURES), tmp_path / "model.pt"
     network = {name: value.numpy() for name, value in AdditiveNet(count, 8).state_dict().items()}
-    bank = TextureBank(**{f.name: np.zeros(1, np.float32) for f in fields(TextureBank)})
+    arrays = {f.name: np.zeros(1, np.float32) for f in fields(TextureBank)}
+    bank = TextureBank(**arrays | {"margin": 2.0, "flat": False})
     each = np.zeros(count)
-    save_style(
-        path,
-        Style(
-            StyleConfig(), SumOfCurves(**network), np.zeros(8), each, each, each, each, bank=bank
-        ),
-    )
+    scaling = FeatureScaling(each, each, each, each)
+    style = Style(StyleConfig(), SumOfCurves(**network), np.zeros(8), scaling, bank=bank)
+    save_style(path, style)
     assert load_style(path).bank is not None
     stored = read_model(path)
-    del stored["texture"]["look"]
+    del stored["texture"]["appearance"]
     write_model(path, stored)
-    with pytest.raises(ValueError, match="model.pt.*look"):
+    with pytest.raises(ValueError, match="model.pt.*appearance"):
         load_style(path)

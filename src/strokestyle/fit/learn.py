@@ -15,7 +15,7 @@ from ..extract.view import View
 from ..render.config import HAIR, StyleConfig
 from ..render.devices import pick_device
 from ..render.displacement import Frame
-from ..render.features import plan, point_features, surface_at
+from ..render.features import FeatureScaling, plan, point_features, surface_at
 from ..render.networks import AdditiveNet
 from ..render.plan import Planned
 from ..render.residuals import Residuals
@@ -44,29 +44,12 @@ CURVE_DECAY = 1e-3  # weight of the curves' squared weights
 UNSEEN_THICKNESS = 3.0  # px (with HAIR) to begin with where nothing is known
 
 
-@dataclass(frozen=True)
-class FeatureScaling:
-    """Cut features to the range of the training strokes, centre and scale them.
-
-    Parameters
-    ----------
-    low, high, centre, spread : (P,) float64
-    """
-
-    low: np.ndarray
-    high: np.ndarray
-    centre: np.ndarray
-    spread: np.ndarray
-
-    @classmethod
-    def of(cls, raw: np.ndarray) -> FeatureScaling:
-        """Measure the range of features (N, P)."""
-        low, high = np.percentile(raw, FEATURE_RANGE, axis=0)
-        clipped = np.clip(raw, low, high)
-        return cls(low, high, clipped.mean(axis=0), np.maximum(clipped.std(axis=0), MIN_SPREAD))
-
-    def __call__(self, raw: np.ndarray) -> np.ndarray:
-        return (np.clip(raw, self.low, self.high) - self.centre) / self.spread
+def measure_scaling(raw: np.ndarray) -> FeatureScaling:
+    """Measure the range of the training strokes' features (N, P)."""
+    low, high = np.percentile(raw, FEATURE_RANGE, axis=0)
+    clipped = np.clip(raw, low, high)
+    spread = np.maximum(clipped.std(axis=0), MIN_SPREAD)
+    return FeatureScaling(low, high, clipped.mean(axis=0), spread)
 
 
 @dataclass(frozen=True)
@@ -98,7 +81,7 @@ class TrainingStrokes:
             )
         surface = planned.carry(surface_at(view, config.spacing))
         raw = point_features(planned, surface, config)
-        scaling = FeatureScaling.of(raw)
+        scaling = measure_scaling(raw)
         features = torch.tensor(scaling(raw), dtype=torch.float32, device=device)
         tensors = StrokeTensors.of(Frame.of(planned, surface, config.spacing), device)
         return cls(config, planned, tensors, features, scaling)
@@ -182,7 +165,7 @@ def learn_law(
     weights = learn_displacement(training.tensors.deformations_across(), observed)
     displacement = torch.tensor(weights, dtype=torch.float32, device=training.features.device)
     network = learn_thickness(
-        training.features, observed, config, training.config.hidden, seed, report
+        training.features, observed, config, training.config.hidden_units, seed, report
     )
     return StrokeLaw(displacement, network)
 
@@ -310,7 +293,7 @@ def learn_residuals(
     """
     pieces = []
     for a, b in zip(planned.offsets[:-1], planned.offsets[1:], strict=True):
-        inner = np.flatnonzero(planned.beyond[a:b] == 0) + a
+        inner = np.flatnonzero(planned.on_curve[a:b]) + a
         known = inner[agrees[inner]]
         if len(known) < max(MIN_AGREEING, MIN_AGREEING_SHARE * len(inner)):
             continue
@@ -333,13 +316,10 @@ def _style(
     curves = {name: value.cpu().numpy() for name, value in law.thickness.state_dict().items()}
     return Style(
         config=training.config,
-        network=SumOfCurves(**curves),
-        moves=law.displacement.cpu().numpy(),
-        centre=training.scaling.centre,
-        spread=training.scaling.spread,
-        low=training.scaling.low,
-        high=training.scaling.high,
-        hand=residuals,
+        log_width=SumOfCurves(**curves),
+        displacement=law.displacement.cpu().numpy(),
+        scaling=training.scaling,
+        residuals=residuals,
         color=_flat_ink(exemplar),
     )
 

@@ -53,7 +53,7 @@ def measure_across(
     weight = profile * run
     total = np.maximum(weight.sum(axis=1), 1e-6)
     offset, thickness = (weight * q).sum(axis=1) / total, PROBE_STEP * total
-    seen = whole & (nearest < reach) & (np.abs(offset) < reach) & (planned.beyond == 0)
+    seen = whole & (nearest < reach) & (np.abs(offset) < reach) & planned.on_curve
     if seen.any():
         seen &= thickness < MAX_THICKNESS * np.quantile(thickness[seen], 0.9)
     return Observation(offset, thickness, seen / (1.0 + (offset / HALF_CONFIDENCE) ** 2))

@@ -8,13 +8,14 @@ import numpy as np
 from scipy import ndimage
 
 from ..drawing.raster import distance_map
-from ..drawing.ribbon import ribbon, strip_points, strip_stretch
+from ..drawing.ribbon import across, ribbon, strip_points, strip_stretch
+from ..drawing.strip import straight
 from ..drawing.strokes import Strokes
 from ..geometry.curves import owner
 from ..render.quilt import choose_runs, lay_runs
 from ..render.texture_bank import (
+    INK_SIGMA,
     ROWS,
-    TONE_SIGMA,
     Rows,
     TextureBank,
     bank_columns,
@@ -23,7 +24,6 @@ from ..render.texture_bank import (
     regressors_of,
     smooth_rows,
     solid_ink,
-    straight_alpha,
     stroke_ink,
     stroke_rows,
 )
@@ -73,20 +73,22 @@ def learn_texture(
         design, tone, owner(rows.offsets), (1.0 - flaw) * (core * strips[..., 3]).sum(axis=1)
     )
     bank = TextureBank(
-        rgba=np.rint(np.clip(straight_alpha(strips), 0, 1) * 255).astype(np.uint8),
+        rgba=np.rint(np.clip(straight(strips, least=1e-4), 0, 1) * 255).astype(np.uint8),
         offsets=rows.offsets,
-        row=np.stack([rows.width, rows.start, rows.end, flaw], axis=1).astype(np.float32),
-        look=_look(strips, rows.offsets).astype(np.float32),
-        tone=tone.astype(np.float32),
-        fitted=(design @ weights).astype(np.float32),
+        width=rows.width.astype(np.float32),
+        ends=rows.ends.astype(np.float32),
+        occlusion=flaw.astype(np.float32),
+        appearance=_look(strips, rows.offsets).astype(np.float32),
+        local_ink=tone.astype(np.float32),
+        predicted_ink=(design @ weights).astype(np.float32),
         weights=weights.astype(np.float32),
         scale=scale.astype(np.float32),
         noise=noise.astype(np.float32),
-        margin=np.array([margin], np.float32),
-        flat=np.zeros(1, np.float32),
+        margin=float(np.float32(margin)),
+        flat=False,
     )
     flat = _flat_does(bank, rows, strips, flaw, seed)
-    return replace(bank, flat=np.array([flat], np.float32))
+    return replace(bank, flat=flat)
 
 
 def _flat_does(
@@ -98,20 +100,20 @@ def _flat_does(
     edges across and grain along, each averaged over cells of some px.
     """
     itself = np.eye(len(rows.offsets) - 1, dtype=bool) if len(rows.offsets) > 2 else None
-    fitted = bank.fitted.astype(np.float64)
+    fitted = bank.predicted_ink.astype(np.float64)
     chosen = choose_runs(bank, rows, fitted, np.random.default_rng(seed), itself)
     laid = lay_runs(bank, rows, chosen, fitted).astype(np.float32) / 255.0
     laid[..., :3] *= laid[..., 3:]
-    columns, margin = strips.shape[1], float(bank.margin[0])
-    v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
+    columns, margin = strips.shape[1], bank.margin
+    v = across(columns)
     distance = np.abs(v)[None] * (0.5 * rows.width + margin)[:, None]
     cover = np.clip(0.5 * rows.thickness[:, None] - distance + 0.5, 0, 1)
-    cover *= (np.minimum(rows.start, rows.end) > -0.5 * rows.thickness)[:, None]
+    cover *= (rows.ends.min(axis=1) > -0.5 * rows.thickness)[:, None]
     ink = stroke_ink(rows, solid_ink(fitted, bank))[owner(rows.offsets)]
     plain = (cover * ink[:, 3:])[..., None] * np.concatenate(
         [ink[:, :3], np.ones((len(ink), 1))], axis=1
     )[:, None]
-    body = np.minimum(rows.start, rows.end) > -1.0
+    body = rows.ends.min(axis=1) > -1.0
     weight = (flaw < 0.2) & body
     truth = _traits(strips, rows, weight)
     scale = np.abs(truth).mean(axis=0) + 0.01
@@ -127,10 +129,10 @@ def _traits(strips, rows, weight):
     tone = np.stack([strips[..., 3], strips[..., 3] - strips[..., :3].mean(axis=2)], axis=2)
     tone = ndimage.gaussian_filter(tone, (SIGHT * ROWS, SIGHT * ROWS, 0))
     per_px = ROWS * 1.0
-    across = np.abs(np.diff(tone, axis=1, append=0)) * per_px
+    edges = np.abs(np.diff(tone, axis=1, append=0)) * per_px
     along = np.abs(np.diff(tone, axis=0, append=0)) * per_px
     along[rows.offsets[1:] - 1] = 0.0
-    maps = np.concatenate([tone, across, along, np.square(tone)], axis=2)
+    maps = np.concatenate([tone, edges, along, np.square(tone)], axis=2)
     cell = np.arange(len(tone)) // (12 * ROWS)
     count = np.bincount(cell, weight, minlength=cell[-1] + 1)
     bands = [part.mean(axis=1) for part in np.array_split(maps, 4, axis=1)]
@@ -217,7 +219,7 @@ def _cut_strips(strokes, rows, exemplar, claims, margin):
 
 def _core(thickness, margin, columns):
     """(R, A) weight of the texels within the thickness of a row."""
-    v = np.abs((2.0 * np.arange(columns) + 1.0) / columns - 1.0)
+    v = np.abs(across(columns))
     distance = v[None] * (0.5 * thickness + margin)[:, None]
     return np.clip(0.5 * thickness[:, None] - distance + 0.5, 0.02, 1.0)
 
@@ -243,10 +245,10 @@ def _mend(strips, valid, rows, margin):
         filled = strips[a + np.minimum(source, b - a - 1), columns]
         out[a:b] = np.where(known[..., None], filled, strips[a:b])
         # past an end there is nothing to copy but the body of the stroke: round it off
-        v = (2.0 * np.arange(strips.shape[1]) + 1.0) / strips.shape[1] - 1.0
-        across = v[None] * (0.5 * rows.width[a:b] + margin)[:, None]
-        past = np.maximum(0.0, -np.minimum(rows.start[a:b], rows.end[a:b]))[:, None]
-        inside = np.clip(0.5 * rows.width[a:b, None] - np.hypot(across, past) + 1.0, 0.0, 1.0)
+        v = across(strips.shape[1])
+        aside = v[None] * (0.5 * rows.width[a:b] + margin)[:, None]
+        past = np.maximum(0.0, -rows.ends[a:b].min(axis=1))[:, None]
+        inside = np.clip(0.5 * rows.width[a:b, None] - np.hypot(aside, past) + 1.0, 0.0, 1.0)
         out[a:b] *= np.where(free | (past <= 0), 1.0, inside)[..., None]
     return out
 
@@ -256,7 +258,7 @@ def _tone(strips, core, offsets, trust):
     ink = (strips * core[..., None]).sum(axis=1)  # (R, 4) premultiplied
     area = core.sum(axis=1)
     smooth = smooth_rows(
-        np.concatenate([ink, area[:, None]], axis=1), offsets, TONE_SIGMA * ROWS, trust + 1e-3
+        np.concatenate([ink, area[:, None]], axis=1), offsets, INK_SIGMA * ROWS, trust + 1e-3
     )
     opacity = smooth[:, 3] / np.maximum(smooth[:, 4], 1e-9)
     return np.concatenate(

@@ -66,7 +66,7 @@ class StrokeTensors:
     @classmethod
     def of(cls, frame: Frame, device: torch.device) -> StrokeTensors:
         """Copy a frame's arrays to a device."""
-        arrays = (frame.xy, frame.across, frame.moves, frame.offsets, frame.within)
+        arrays = (frame.xy, frame.normals, frame.deformations, frame.offsets, frame.on_curve)
         tensors = [torch.as_tensor(array, device=device) for array in arrays]
         return cls(*(a.float() if a.is_floating_point() else a for a in tensors))
 

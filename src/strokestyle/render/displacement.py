@@ -1,4 +1,4 @@
-"""How a stroke is moved off its curve: the basis of displacements along the stroke, and their sum."""
+"""How a stroke is moved off its curve: a basis of displacements, and their weighted sum."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.curves import simplify, tangents
-from .features import along_strokes
+from .features import HEADING_SIGMA, along_strokes
 from .plan import Planned
 
-SMOOTHINGS = (3.0, 6.0, 12.0, 24.0)  # px, Gaussian scales by which the hand may round a curve off
-CUTS = (3.0, 6.0, 12.0)  # px, tolerances with which it may cut a curve straight
+SMOOTHINGS = (3.0, 6.0, 12.0, 24.0)  # px, Gaussians under which a curve may be rounded off
+CUTS = (3.0, 6.0, 12.0)  # px, tolerances with which a curve may be cut straight
+CUT_SIGMA = 4.0  # px, Gaussian before a curve is cut straight, so that its noise is not followed
+INFLATE_SIGMA = 12.0  # px, Gaussian along the stroke of the normals that it is inflated along
 DEFORMATIONS = (
     *(f"smooth_{n:.0f}" for n in SMOOTHINGS),
     *(f"cut_{n:.0f}" for n in CUTS),
@@ -21,50 +23,74 @@ DEFORMATIONS = (
 
 @dataclass(frozen=True)
 class Frame:
-    """Planned strokes: where they lie, which way is along and across, and the moves open to the hand.
+    """Planned strokes, and how each of their points can be moved.
 
-    xy (N, 2), along (N, 2), across (N, 2), moves (N, M, 2) px, offsets (C+1,), within (N,) bool; in `fit` as tensors
+    Parameters
+    ----------
+    xy : (N, 2) float64, px
+    normals : (N, 2) float64, unit, (-t_y, t_x) of the tangent t of the smoothed stroke: with y
+        down, to the right of one who walks along it
+    deformations : (N, M, 2) float64, px, what each of DEFORMATIONS at full strength does to a point
+    offsets : (C+1,) int64, stroke i is rows offsets[i]:offsets[i+1]
+    on_curve : (N,) bool, False where a point lies past the end of its curve
     """
 
     xy: np.ndarray
-    along: np.ndarray
-    across: np.ndarray
-    moves: np.ndarray
+    normals: np.ndarray
+    deformations: np.ndarray
     offsets: np.ndarray
-    within: np.ndarray
+    on_curve: np.ndarray
 
     @classmethod
     def of(cls, planned: Planned, surface: np.ndarray, spacing: float) -> Frame:
-        """`surface` is SURFACE at the strokes' points, (N, 5)."""
-        smooth = along_strokes(planned.xy, planned.offsets, 4.0, spacing, pin=True)
+        """Measure planned strokes.
+
+        `surface` (N, 5) is SURFACE at their points, `spacing` px what lies between two of them.
+        """
+        smooth = along_strokes(planned.xy, planned.offsets, HEADING_SIGMA, spacing, pin=True)
         t = tangents(smooth, planned.offsets)
-        across = np.stack([-t[:, 1], t[:, 0]], axis=1)
-        moves = deformations_of(planned, surface[:, 3:], spacing)
-        return cls(planned.xy, t, across, moves, planned.offsets, planned.beyond == 0)
+        normals = np.stack([-t[:, 1], t[:, 0]], axis=1)
+        deformations = deformations_of(planned, surface[:, 3:], spacing)
+        return cls(planned.xy, normals, deformations, planned.offsets, planned.on_curve)
 
 
 def deformations_of(planned: Planned, normals: np.ndarray, spacing: float) -> np.ndarray:
-    """The displacement (N, M, 2), px, of each of MOVES at full strength. Points past an end go with it."""
+    """The displacement (N, M, 2), px, of each of DEFORMATIONS at full strength.
+
+    smooth_S moves a point to where a Gaussian of S px takes its curve, whose ends stay; cut_T to
+    the polyline that stays within T px of the curve; inflate by 1 px along the surface's normal.
+    Points past an end move as the end does.
+
+    Parameters
+    ----------
+    planned : the strokes
+    normals : (N, 2), the surface's normals in the image
+    spacing : px between two points
+    """
     out = np.zeros((len(planned.xy), len(DEFORMATIONS), 2))
-    within = planned.beyond == 0
+    on_curve = planned.on_curve
     for a, b in zip(planned.offsets[:-1], planned.offsets[1:], strict=True):
-        inner = np.flatnonzero(within[a:b]) + a
-        a_in, b_in = inner[0], inner[-1] + 1
-        p, ends = planned.xy[a_in:b_in], np.array([0, b_in - a_in])
-        for k, sigma in enumerate(SMOOTHINGS):
-            out[a_in:b_in, k] = along_strokes(p, ends, sigma, spacing, pin=True) - p
-        q = along_strokes(p, ends, 4.0, spacing, pin=True)
-        s = np.arange(len(p), dtype=np.float64)
-        for k, tolerance in enumerate(CUTS, len(SMOOTHINGS)):
-            keep = simplify(q, tolerance)
-            out[a_in:b_in, k] = (
-                np.stack([np.interp(s, keep, q[keep, i]) for i in (0, 1)], axis=1) - p
-            )
-        out[a_in:b_in, -1] = along_strokes(normals[a_in:b_in], ends, 12.0, spacing)
-        out[a:a_in], out[b_in:b] = out[a_in], out[b_in - 1]
+        inner = np.flatnonzero(on_curve[a:b]) + a
+        first, end = inner[0], inner[-1] + 1
+        out[first:end] = _deformations_of_curve(planned.xy[first:end], normals[first:end], spacing)
+        out[a:first], out[end:b] = out[first], out[end - 1]
     return out
 
 
-def displaced(frame: Frame, moves):
-    """Where the hand means to draw, (N, 2) px; arrays or tensors."""
-    return frame.xy + (frame.moves * moves[:, None]).sum(1)
+def _deformations_of_curve(xy: np.ndarray, normals: np.ndarray, spacing: float) -> np.ndarray:
+    """The displacement (n, M, 2) of one curve's points (n, 2) by each of DEFORMATIONS."""
+    whole = np.array([0, len(xy)])
+    moved = [along_strokes(xy, whole, sigma, spacing, pin=True) - xy for sigma in SMOOTHINGS]
+    smooth = along_strokes(xy, whole, CUT_SIGMA, spacing, pin=True)
+    row = np.arange(len(xy), dtype=np.float64)
+    for tolerance in CUTS:
+        keep = simplify(smooth, tolerance)
+        chords = [np.interp(row, keep, smooth[keep, i]) for i in (0, 1)]
+        moved.append(np.stack(chords, axis=1) - xy)
+    moved.append(along_strokes(normals, whole, INFLATE_SIGMA, spacing))
+    return np.stack(moved, axis=1)
+
+
+def displaced(frame: Frame, weights: np.ndarray) -> np.ndarray:
+    """Move the points of strokes by `weights` (M,) of the deformations: (N, 2) px."""
+    return frame.xy + (frame.deformations * weights[:, None]).sum(1)

@@ -1,111 +1,195 @@
-"""From a view to numbers: planned strokes and their point features."""
+"""From a view to numbers: planned strokes, and the features of their points."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 
 from ..extract.view import View
-from ..geometry.curves import KINDS, Curves, arc_length, blurred, owner, tangents
+from ..geometry.curves import Curves, arc_length, blurred, is_kind, owner, tangents
 from ..geometry.kinds import KIND_TABLE
 from .config import StyleConfig
 from .plan import Planned, plan_strokes
 
 PROMINENCE = np.array([kind.prominence for kind in KIND_TABLE])
-ENDS = (10.0, 40.0, 120.0)  # px, scales on which a stroke's ends are felt
-SHORT = 0.3  # of a stroke's length, and never a longer scale than this
-BENDS = (
-    (6.0, 20.0),
-    (14.0, 45.0),
-)  # px, scale of measuring a bend and the radius at which it counts half
+END_SCALES = (10.0, 40.0, 120.0)  # px, decay lengths of what is felt of a stroke's ends
+MAX_END_SCALE = 0.3  # of a stroke's length: on a stroke too short for them, tapers shrink with it
+# px: scale on which a bend is measured, and the radius at which its feature is half of its most
+BEND_SCALES = ((6.0, 20.0), (14.0, 45.0))
+OVERSHOOT_UNIT = 24.0  # px past an end that count as 1
+LENGTH_UNIT = 100.0  # px, length of a stroke whose logarithm counts as 0
+SURFACE_SIGMA = 6.0  # px, Gaussian along a stroke of what is read off the surface
+HEADING_SIGMA = 4.0  # px, Gaussian of a stroke before its tangents are taken
+OUTWARD_SIGMA = 10.0  # px along a contour over which the side of the shape is decided
+DEPTH_RANGE = (3, 97)  # percentiles of the view's depth that count as 0 and 1
+FACING_SOFTNESS = 0.04  # added to a normal's squared length: where it is short, no way is faced
+BOTH_SIDES = (-1.5, 0.0, 1.5)  # px across a line at which the surface is read
 SURFACE = ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")  # read off the maps
 FEATURES = (
-    *(f"start_{n:.0f}" for n in ENDS), *(f"end_{n:.0f}" for n in ENDS),
-    "before", "after", "past_start", "past_end", "along", "log_length",
-    *(f"bend_{n:.0f}" for n, _ in BENDS), *(f"turn_{n:.0f}" for n, _ in BENDS),
-    "depth", "n_dot_v", "view_curvature", "facing_x", "facing_y", "height", "tangent_x", "tangent_y", "prominence",
-)  # fmt: skip
+    *(f"start_{n:.0f}" for n in END_SCALES),
+    *(f"end_{n:.0f}" for n in END_SCALES),
+    *("before", "after", "past_start", "past_end", "along", "log_length"),
+    *(f"bend_{n:.0f}" for n, _ in BEND_SCALES),
+    *(f"turn_{n:.0f}" for n, _ in BEND_SCALES),
+    *("depth", "n_dot_v", "view_curvature", "facing_x", "facing_y"),
+    *("height", "tangent_x", "tangent_y", "prominence"),
+)
+
+
+@dataclass(frozen=True)
+class FeatureScaling:
+    """Cut features to the range of the training strokes, centre and scale them.
+
+    Parameters
+    ----------
+    low, high, centre, spread : (P,) float64
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    centre: np.ndarray
+    spread: np.ndarray
+
+    def __call__(self, features: np.ndarray) -> np.ndarray:
+        """Normalise features (N, P)."""
+        return (np.clip(features, self.low, self.high) - self.centre) / self.spread
 
 
 def plan(view: View, config: StyleConfig, scale: float = 1.0) -> Planned:
-    """The strokes to be drawn, in px of the style's canvas."""
+    """Plan the strokes of a view, in px of the style's canvas.
+
+    `scale` is how many px of the view one of the style's canvas is.
+    """
     curves = view.curves
     if scale != 1.0:
         curves = Curves(curves.xy / scale, curves.offsets, curves.kind, curves.closed)
-    return plan_strokes(curves, config.spacing, config.join, config.corner, config.extend)
+    return plan_strokes(
+        curves, config.spacing, config.join_gap, config.corner_angle, config.max_overshoot
+    )
 
 
 def point_features(planned: Planned, surface: np.ndarray, config: StyleConfig) -> np.ndarray:
-    """FEATURES at every point of planned strokes, (N, P) float64. Curve features as in the paper (arc length, tangent)
-    and those of the stroke's making; surface features as in the paper, SURFACE (N, 5) where the curve lies."""
+    """FEATURES at every point of planned strokes, (N, P) float64.
+
+    Arc length, tangent and the features of the surface are the paper's; those of a stroke's ends,
+    its overshoot, bends and prominence are ours.
+
+    Parameters
+    ----------
+    planned : strokes, N points
+    surface : (N, 5), SURFACE where the points lie
+    config : its spacing is used
+    """
     if not len(planned):
         return np.zeros((0, len(FEATURES)))
-    maps = along_strokes(surface, planned.offsets, 6.0, config.spacing)
-    which, within = owner(planned.offsets), planned.beyond == 0
-    along = arc_length(planned.xy, planned.offsets)
-    begin = np.full(len(planned), np.inf)
-    end = np.full(len(planned), -np.inf)
-    np.minimum.at(begin, which[within], along[within])
-    np.maximum.at(end, which[within], along[within])
-    from_start, to_end, length = (
-        along - begin[which],
-        end[which] - along,
-        np.maximum(end - begin, 1e-6)[which],
+    columns = (
+        _end_features(planned)
+        | _bend_features(planned, config.spacing)
+        | _surface_features(planned, surface, config.spacing)
+        | _place_features(planned, config.spacing)
     )
-    before, after = np.maximum(-from_start, 0), np.maximum(-to_end, 0)
-    # on a stroke too short for them, tapers shrink with it
-    columns = [np.exp(-np.maximum(from_start, 0) / np.minimum(n, SHORT * length)) for n in ENDS]
-    columns += [np.exp(-np.maximum(to_end, 0) / np.minimum(n, SHORT * length)) for n in ENDS]
-    columns += [
-        before / 24.0,
-        after / 24.0,
-        from_start < 0,
-        to_end < 0,
-        np.clip(from_start / length, 0, 1),
-        np.log(length / 100.0),
-    ]
-    turns = [curvature(planned, sigma, config.spacing) * radius for sigma, radius in BENDS]
-    columns += [turn**2 / (1 + turn**2) for turn in turns]
-    columns += [turn / np.sqrt(1 + turn**2) for turn in turns]
-    depth = maps[:, 0]
-    near, far = np.percentile(depth[within], [3, 97])
-    columns += [np.clip((depth - near) / max(far - near, 1e-6), 0, 1), maps[:, 1], maps[:, 2]]
-    columns += list((maps[:, 3:] / np.sqrt((maps[:, 3:] ** 2).sum(axis=1, keepdims=True) + 0.04)).T)
-    y = planned.xy[:, 1]
-    top, bottom = y[within].min(), y[within].max()
-    columns += [np.clip((y - top) / max(bottom - top, 1e-6), 0, 1)]
-    smooth = along_strokes(planned.xy, planned.offsets, 4.0, config.spacing, pin=True)
-    columns += list(tangents(smooth, planned.offsets).T)
-    columns += [PROMINENCE[planned.kind][which]]
-    return np.stack(columns, axis=1)
+    return np.stack([columns[name] for name in FEATURES], axis=1)
+
+
+def _end_features(planned: Planned) -> dict[str, np.ndarray]:
+    """Where a point lies between the ends of its curve, or past them."""
+    stroke, on_curve = owner(planned.offsets), planned.on_curve
+    along = arc_length(planned.xy, planned.offsets)
+    begin, end = np.full(len(planned), np.inf), np.full(len(planned), -np.inf)
+    np.minimum.at(begin, stroke[on_curve], along[on_curve])
+    np.maximum.at(end, stroke[on_curve], along[on_curve])
+    from_start, to_end = along - begin[stroke], end[stroke] - along
+    length = np.maximum(end - begin, 1e-6)[stroke]
+    columns = {
+        "before": np.maximum(-from_start, 0) / OVERSHOOT_UNIT,
+        "after": np.maximum(-to_end, 0) / OVERSHOOT_UNIT,
+        "past_start": from_start < 0,
+        "past_end": to_end < 0,
+        "along": np.clip(from_start / length, 0, 1),
+        "log_length": np.log(length / LENGTH_UNIT),
+    }
+    for side, distance in (("start", from_start), ("end", to_end)):
+        for n in END_SCALES:
+            scale = np.minimum(n, MAX_END_SCALE * length)
+            columns[f"{side}_{n:.0f}"] = np.exp(-np.maximum(distance, 0) / scale)
+    return columns
+
+
+def _bend_features(planned: Planned, spacing: float) -> dict[str, np.ndarray]:
+    """How sharply a stroke bends, in [0, 1), and which way, in (-1, 1), on several scales."""
+    columns = {}
+    for sigma, radius in BEND_SCALES:
+        turn = curvature(planned, sigma, spacing) * radius
+        columns[f"bend_{sigma:.0f}"] = turn**2 / (1 + turn**2)
+        columns[f"turn_{sigma:.0f}"] = turn / np.sqrt(1 + turn**2)
+    return columns
+
+
+def _surface_features(
+    planned: Planned, surface: np.ndarray, spacing: float
+) -> dict[str, np.ndarray]:
+    """What is seen of the surface: its depth within the view, and how it faces the eye."""
+    maps = along_strokes(surface, planned.offsets, SURFACE_SIGMA, spacing)
+    depth, normal = maps[:, 0], maps[:, 3:]
+    near, far = np.percentile(depth[planned.on_curve], DEPTH_RANGE)
+    facing = normal / np.sqrt((normal**2).sum(axis=1, keepdims=True) + FACING_SOFTNESS)
+    return {
+        "depth": np.clip((depth - near) / max(far - near, 1e-6), 0, 1),
+        "n_dot_v": maps[:, 1],
+        "view_curvature": maps[:, 2],
+        "facing_x": facing[:, 0],
+        "facing_y": facing[:, 1],
+    }
+
+
+def _place_features(planned: Planned, spacing: float) -> dict[str, np.ndarray]:
+    """Where on the drawing a stroke lies, which way it runs, and of what kind it is."""
+    y, on_curve = planned.xy[:, 1], planned.on_curve
+    top, bottom = y[on_curve].min(), y[on_curve].max()
+    smooth = along_strokes(planned.xy, planned.offsets, HEADING_SIGMA, spacing, pin=True)
+    tangent = tangents(smooth, planned.offsets)
+    return {
+        "height": np.clip((y - top) / max(bottom - top, 1e-6), 0, 1),
+        "tangent_x": tangent[:, 0],
+        "tangent_y": tangent[:, 1],
+        "prominence": PROMINENCE[planned.kind][owner(planned.offsets)],
+    }
 
 
 def surface_at(view: View, spacing: float) -> np.ndarray:
-    """SURFACE at the curves' points (M, 5): the mean of both sides of a line, for a crease has two normals.
+    """Read SURFACE at the points of a view's curves, (N, 5) float64.
 
-    On an occluding contour the normal is known better than a pixel can show it: at right angles to the line and to the
-    view, out of the shape.
+    It is the mean of a line's two sides, for a crease has two normals. On an occluding contour the
+    normal is known better than a pixel can show it: n.v is 0, and the normal in the image lies at
+    right angles to the line, out of the shape.
     """
     curves = view.curves
     t = tangents(curves.xy, curves.offsets, curves.closed)
     across = np.stack([-t[:, 1], t[:, 0]], axis=1)
-    three = np.concatenate([curves.xy + k * across for k in (-1.5, 0, 1.5)])
-    out = (
-        view.at_curves(SURFACE, three)
-        .reshape(3, len(across), len(SURFACE))
-        .mean(axis=0, dtype=np.float64)
-    )
-    outward = along_strokes((out[:, 3:] * across).sum(axis=1), curves.offsets, 10.0, spacing)
-    contour = (curves.kind == KINDS.index("contour"))[owner(curves.offsets)]
+    probes = np.concatenate([curves.xy + k * across for k in BOTH_SIDES])
+    read = view.at_curves(SURFACE, probes).reshape(len(BOTH_SIDES), len(across), len(SURFACE))
+    out = read.mean(axis=0, dtype=np.float64)
+    outward = (out[:, 3:] * across).sum(axis=1)
+    side = np.where(along_strokes(outward, curves.offsets, OUTWARD_SIGMA, spacing) < 0, -1.0, 1.0)
+    contour = is_kind(curves.kind, ("contour",))[owner(curves.offsets)]
     out[contour, 1] = 0.0
-    out[contour, 3:] = (np.where(outward < 0, -1.0, 1.0)[:, None] * across)[contour]
+    out[contour, 3:] = (side[:, None] * across)[contour]
     return out
 
 
 def along_strokes(
     values: np.ndarray, offsets: np.ndarray, sigma: float, spacing: float, pin: bool = False
 ) -> np.ndarray:
-    """Gaussian of `sigma` px along every stroke. `pin` reflects through the end points, so that these stay."""
+    """Blur values (N,) or (N, k) along every stroke by a Gaussian of `sigma` px.
+
+    Parameters
+    ----------
+    offsets : (C+1,), stroke i is rows offsets[i]:offsets[i+1]
+    spacing : px between two points
+    pin : reflect through the end points, so that they stay; otherwise they are repeated
+    """
     out = np.empty_like(values)
     for a, b in zip(offsets[:-1], offsets[1:], strict=True):
         if pin:
@@ -118,10 +202,12 @@ def along_strokes(
 
 
 def curvature(planned: Planned, sigma: float, spacing: float) -> np.ndarray:
-    """Signed curvature (N,), 1/px, of the strokes smoothed by `sigma` px; positive where turning to (-t_y, t_x)."""
-    heading = tangents(
-        along_strokes(planned.xy, planned.offsets, sigma, spacing, pin=True), planned.offsets
-    )
+    """Signed curvature (N,), 1/px, of strokes under a Gaussian of `sigma` px.
+
+    It is positive where a stroke turns towards its normal (-t_y, t_x): clockwise on the picture.
+    """
+    smooth = along_strokes(planned.xy, planned.offsets, sigma, spacing, pin=True)
+    heading = tangents(smooth, planned.offsets)
     first, last = planned.offsets[:-1], planned.offsets[1:] - 1
     before, after = np.arange(len(heading)) - 1, np.arange(len(heading)) + 1
     before[first], after[last] = first, last

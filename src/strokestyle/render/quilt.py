@@ -7,20 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from ..drawing.ribbon import across
+from ..drawing.strip import straight
 from ..drawing.strokes import Strokes, Texture
 from ..geometry.curves import owner
 from .texture_bank import (
     END,
+    INK_SIGMA,
     OWN_REGRESSORS,
     ROWS,
-    TONE_SIGMA,
     TextureBank,
     bank_columns,
     check_strokes,
     regressors_of,
     smooth_rows,
     solid_ink,
-    straight_alpha,
     stroke_ink,
     stroke_rows,
 )
@@ -55,12 +56,12 @@ def synthesise(
         )
     if not len(strokes):
         return None, np.zeros((0, 4))
-    margin = float(bank.margin[0])
+    margin = bank.margin
     rows = stroke_rows(strokes, features, margin)
     predicted = regressors_of(rows, bank.scale.astype(np.float64)) @ bank.weights
-    low, high = bank.tone.min(axis=0), bank.tone.max(axis=0)
+    low, high = bank.local_ink.min(axis=0), bank.local_ink.max(axis=0)
     predicted = np.clip(predicted, low, high)
-    if bank.flat[0] > 0.5:
+    if bank.flat:
         return None, stroke_ink(rows, solid_ink(predicted, bank))
     rng = np.random.default_rng(seed)
     strips = lay_runs(bank, rows, choose_runs(bank, rows, predicted, rng), predicted)
@@ -108,7 +109,7 @@ def choose_runs(bank, rows, predicted, rng, barred=None) -> Runs:
     middle = np.minimum(begin + step // 2, offsets[stroke + 1] - 1)
     target, source = _cost_factors(bank, rows, predicted, middle)
     strip = owner(bank.offsets)
-    every = np.arange(0, len(bank.row), ROWS)  # source rows on offer
+    every = np.arange(0, len(bank.width), ROWS)  # source rows on offer
     few = min(CANDIDATES, len(every))
     near = np.empty((len(middle), few), np.int64)
     for a in range(0, len(middle), 1024):
@@ -119,10 +120,10 @@ def choose_runs(bank, rows, predicted, rng, barred=None) -> Runs:
             grid[barred[stroke[part]][:, strip[every]]] += 1e6
         near[part] = every[np.argpartition(grid, few - 1, axis=1)[:, :few]]
     # the row that follows a node's, and none where the strip is over
-    follows = np.full(len(bank.row), -1)
-    r = np.arange(len(bank.row) - step)
+    follows = np.full(len(bank.width), -1)
+    r = np.arange(len(bank.width) - step)
     follows[r] = np.where(strip[r] == strip[r + step], r + step, -1)
-    chosen = _viterbi(bank.look, near, first, target, source, follows)
+    chosen = _viterbi(bank.appearance, near, first, target, source, follows)
     home = strip[chosen]
     return Runs(
         first, begin, chosen - begin - step // 2, bank.offsets[home], bank.offsets[home + 1] - 1
@@ -138,15 +139,15 @@ def _cost_factors(bank, rows, predicted, node):
             [TONE_COST * tone / noise, WIDTH_COST * np.log(width[:, None] + 1.0)], axis=1
         )
 
-    ends = np.clip(np.stack([rows.start[node], rows.end[node]], axis=1), -8.0, END)
+    ends = np.clip(rows.ends[node], -8.0, END)
     weight = 1.0 / np.square(4.0 + 0.25 * np.maximum(ends, 0.0))
     mine = plain(predicted[node], rows.width[node])
     constant = np.square(mine).sum(axis=1, keepdims=True) + (weight * ends * ends).sum(
         axis=1, keepdims=True
     )
     target = [constant, np.ones((len(node), 1)), -2.0 * mine, weight, -2.0 * weight * ends]
-    width, flaw = bank.row[:, 0], bank.row[:, 3:]
-    theirs, at = plain(bank.fitted, width), np.clip(bank.row[:, 1:3], -8.0, END)
+    width, flaw = bank.width, bank.occlusion[:, None]
+    theirs, at = plain(bank.predicted_ink, width), np.clip(bank.ends, -8.0, END)
     constant = (
         np.square(theirs).sum(axis=1, keepdims=True)
         + FLAW * flaw
@@ -209,7 +210,7 @@ def _viterbi(look, near, first, target, source, follows):
 
 def lay_runs(bank, rows, runs: Runs, predicted) -> np.ndarray:
     """Copy the chosen runs into strips (R, A, 4) uint8 for the new strokes, and hide their joints."""
-    columns, step = bank_columns(rows, float(bank.margin[0])), NODE * ROWS
+    columns, step = bank_columns(rows, bank.margin), NODE * ROWS
     stroke = owner(rows.offsets)
     every = np.arange(len(stroke))
     node = np.minimum(
@@ -217,11 +218,11 @@ def lay_runs(bank, rows, runs: Runs, predicted) -> np.ndarray:
     )
     copied = runs.source(node, every)
     # tone: what the features ask for here, and beyond that what the source had, carried smoothly over the joints
-    wanted = predicted + smooth_rows(_luck(bank, copied, stroke), rows.offsets, TONE_SIGMA * ROWS)
+    wanted = predicted + smooth_rows(_luck(bank, copied, stroke), rows.offsets, INK_SIGMA * ROWS)
 
     def copy(source, row):
         return _toned(
-            _resampled(bank, source, rows.width[row], columns), bank.tone[source], wanted[row]
+            _resampled(bank, source, rows.width[row], columns), bank.local_ink[source], wanted[row]
         )
 
     layer = np.concatenate(
@@ -229,8 +230,8 @@ def lay_runs(bank, rows, runs: Runs, predicted) -> np.ndarray:
     )
     for before, after, ahead in _joints(rows, runs):
         _join(layer, copy, rows, runs, before, after, ahead)
-    layer *= _caps(rows, bank.row[copied], float(bank.margin[0]), columns)
-    return np.rint(np.clip(straight_alpha(layer), 0, 1) * 255).astype(np.uint8)
+    layer *= _caps(rows, bank.ends[copied], bank.margin, columns)
+    return np.rint(np.clip(straight(layer, least=1e-4), 0, 1) * 255).astype(np.uint8)
 
 
 def _luck(bank, copied, stroke):
@@ -240,8 +241,8 @@ def _luck(bank, copied, stroke):
     most of it is copied from.
     """
     strips = len(bank.offsets) - 1
-    trust = 1.001 - bank.row[:, 3]
-    beyond, home = bank.tone - bank.fitted, owner(bank.offsets)
+    trust = 1.001 - bank.occlusion
+    beyond, home = bank.local_ink - bank.predicted_ink, owner(bank.offsets)
     total = np.bincount(home, trust, minlength=strips)
     own = np.stack(
         [np.bincount(home, trust * column, minlength=strips) for column in beyond.T], axis=1
@@ -319,15 +320,15 @@ def _cut(old, new):
 
 def _caps(rows, source, margin, columns):
     """(R, columns, 1) in [0, 1]: rounds off the rows past an end that were copied from the body of a stroke."""
-    ends = np.stack([rows.start, rows.end], axis=1)
+    ends = rows.ends
     past = np.maximum(0.0, -ends)
     body = past * np.clip(
-        (source[:, 1:3] - ends - 1.0) / 2.0, 0.0, 1.0
+        (source - ends - 1.0) / 2.0, 0.0, 1.0
     )  # as far past as the source was not
     body = body.max(axis=1)[:, None]
-    v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
-    across = v[None] * (0.5 * rows.width + margin)[:, None]
-    inside = np.clip(0.5 * rows.width[:, None] + 0.5 - np.hypot(across, body), 0.0, 1.0)
+    v = across(columns)
+    aside = v[None] * (0.5 * rows.width + margin)[:, None]
+    inside = np.clip(0.5 * rows.width[:, None] + 0.5 - np.hypot(aside, body), 0.0, 1.0)
     return np.where(body > 0, inside, 1.0)[..., None].astype(np.float32)
 
 
@@ -346,13 +347,13 @@ def _resampled(bank, s, width, columns):
 
     The core is stretched; beyond the edge distances stay what they are, so that a soft edge keeps its softness.
     """
-    a, margin = bank.rgba.shape[1], float(bank.margin[0])
-    v = (2.0 * np.arange(columns) + 1.0) / columns - 1.0
-    half, own = 0.5 * width[:, None], 0.5 * bank.row[s, 0][:, None].astype(np.float64)
+    a, margin = bank.rgba.shape[1], bank.margin
+    v = across(columns)
+    half, own = 0.5 * width[:, None], 0.5 * bank.width[s][:, None].astype(np.float64)
     distance = np.abs(v)[None] * (half + margin)
     inner = distance * (own / np.maximum(half, 1e-6))
-    across = np.sign(v)[None] * np.where(distance < half, inner, own + distance - half)
-    column = np.clip((across / (own + margin) + 1.0) * 0.5 * a - 0.5, 0, a - 1)
+    place = np.sign(v)[None] * np.where(distance < half, inner, own + distance - half)
+    column = np.clip((place / (own + margin) + 1.0) * 0.5 * a - 0.5, 0, a - 1)
     c0 = np.minimum(column.astype(np.int64), a - 2)
     f = (column - c0)[..., None].astype(np.float32)
     strip = bank.rgba[s].astype(np.float32) / 255.0

@@ -1,4 +1,4 @@
-"""How a drawn stroke differs from what was meant: residuals, and sampling them."""
+"""How drawn strokes differ from what a style predicts: residuals, and sampling them."""
 
 from __future__ import annotations
 
@@ -6,48 +6,75 @@ from dataclasses import dataclass
 
 import numpy as np
 
+CROSS_FADE = 8  # points over which one piece of residuals gives way to the next
+
 
 @dataclass(frozen=True)
 class Residuals:
-    """How a hand strays from what it means to draw: residuals of the training strokes, to be drawn from.
+    """What the training strokes do beside what the style predicts for them.
 
     Parameters
     ----------
-    stray : (R, 2) float32, residual across the stroke, px, and of log(thickness + HAIR)
-    offsets : (S+1,) int64, one sequence per training stroke, points `spacing` apart
+    values : (R, 2) float32, px across the stroke, along its normal, and of log(thickness + HAIR)
+    offsets : (S+1,) int64, sequence i is rows offsets[i]:offsets[i+1]: points of one training
+        stroke, the style's spacing apart
     """
 
-    stray: np.ndarray
+    values: np.ndarray
     offsets: np.ndarray
 
 
-def sample_residuals(hand: Residuals, offsets: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A sequence of residuals (N, 2) for every stroke, cut from the training strokes' and faded into one another."""
-    lengths = np.diff(hand.offsets)
+def sample_residuals(
+    residuals: Residuals, offsets: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Draw a random sequence of residuals for every new stroke, (N, 2).
+
+    Each is put together from pieces of the training sequences, so that it has their spread and
+    wavelengths. The offset of a piece may change its side, for no stroke prefers one for long; its
+    thickness keeps its sign.
+
+    Parameters
+    ----------
+    residuals : of the training strokes
+    offsets : (C+1,), the new strokes' points are rows offsets[i]:offsets[i+1]
+    rng : same state, same sequences
+
+    Returns zeros where there are no training sequences.
+    """
     out = np.zeros((offsets[-1], 2))
-    if not len(lengths):
-        return out
-    fade = 8
-    for a, b in zip(offsets[:-1], offsets[1:], strict=True):
-        n, at = b - a, 0
-        while at < n:
-            want = n - at
-            weight = np.minimum(lengths, want).astype(float)
-            i = rng.choice(len(lengths), p=weight / weight.sum())
-            take = int(min(lengths[i], want))
-            first = int(hand.offsets[i] + rng.integers(lengths[i] - take + 1))
-            piece = hand.stray[first : first + take]
-            if rng.random() < 0.5:
-                piece = piece * [-1, 1]
-            over = min(fade, at, take) if at else 0
-            ramp = (np.arange(over) + 0.5)[:, None] / max(over, 1)
-            start = a + at - over
-            # faded by square roots, so that the spread stays
-            out[start : start + over] = (
-                np.sqrt(1 - ramp) * out[start : start + over] + np.sqrt(ramp) * piece[:over]
-            )
-            out[start + over : start + take] = piece[over:]
-            at += take - over
-            if take <= over:
-                break
+    if len(residuals.offsets) > 1:
+        for a, b in zip(offsets[:-1], offsets[1:], strict=True):
+            _fill(out[a:b], residuals, rng)
     return out
+
+
+def _fill(out: np.ndarray, residuals: Residuals, rng: np.random.Generator) -> None:
+    """Write the residuals of one stroke into `out` (n, 2), piece by piece."""
+    filled = 0
+    while filled < len(out):
+        piece = _random_piece(residuals, len(out) - filled, rng)
+        shared = min(CROSS_FADE, filled, len(piece))
+        start = filled - shared
+        # The weights' squares add to 1: pieces are independent, so their variances add, and the
+        # spread stays what it is.
+        fade_in = (np.arange(shared) + 0.5)[:, None] / max(shared, 1)
+        ending = out[start:filled]
+        out[start:filled] = np.sqrt(1 - fade_in) * ending + np.sqrt(fade_in) * piece[:shared]
+        out[filled : start + len(piece)] = piece[shared:]
+        filled += len(piece) - shared
+        if len(piece) <= shared:  # no sequence reaches beyond the cross-fade: the rest stays zero
+            break
+
+
+def _random_piece(residuals: Residuals, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Cut (at most `count`, 2) successive residuals out of one training sequence.
+
+    A sequence is taken the more often the more of it can be used.
+    """
+    lengths = np.diff(residuals.offsets)
+    usable = np.minimum(lengths, count).astype(float)
+    i = rng.choice(len(lengths), p=usable / usable.sum())
+    length = int(min(lengths[i], count))
+    first = int(residuals.offsets[i] + rng.integers(lengths[i] - length + 1))
+    piece = residuals.values[first : first + length]
+    return piece * [-1, 1] if rng.random() < 0.5 else piece

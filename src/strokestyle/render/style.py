@@ -1,7 +1,8 @@
 """Style: what was learned from one drawing, and how it draws a view.
 
-Lengths inside a style are pixels of the canvas it was learned on; `draw` scales them to the canvas it is given.
-No torch in here: what drawing takes of it is a sum of tanh, and its import costs more than all the rest of a drawing.
+Lengths inside a style are px of the canvas that it was learned on; `Style.draw` scales the finished
+strokes to the canvas of the view. No torch in here: what drawing takes of it is a sum of tanh, and
+its import costs more than all the rest of a drawing.
 """
 
 from __future__ import annotations
@@ -11,23 +12,30 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..drawing.edit import cut_at_parts
-from ..drawing.strokes import Drawing, Strokes
+from ..drawing.strokes import Drawing, Strokes, Texture
 from ..extract.view import View
 from ..geometry.curves import arc_length
 from ..geometry.parts import Pieces
 from .config import HAIR, StyleConfig
 from .displacement import Frame, displaced
-from .features import plan, point_features, surface_at
+from .features import FeatureScaling, plan, point_features, surface_at
+from .plan import Planned
 from .quilt import synthesise
 from .residuals import Residuals, sample_residuals
 from .texture_bank import TextureBank
 
+MIN_VISIBLE = 0.5  # px of thickness; a stroke's ends are trimmed to where it is thicker
+
 
 @dataclass(frozen=True)
 class SumOfCurves:
-    """What a `model.AdditiveNet` has learned, features (N, P) -> (N,).
+    """What a `networks.AdditiveNet` has learned: features (N, P) -> (N,).
 
-    slope, shift, weight (P, h) float32, line (P,) float32, base () float32
+    Parameters
+    ----------
+    slope, shift, weight : (P, h) float32
+    line : (P,) float32
+    base : () float32
     """
 
     slope: np.ndarray
@@ -36,9 +44,25 @@ class SumOfCurves:
     line: np.ndarray
     base: np.ndarray
 
-    def __call__(self, points: np.ndarray) -> np.ndarray:
-        curves = np.tanh(points[:, :, None] * self.slope + self.shift) * self.weight
-        return curves.sum(axis=(1, 2)) + points @ self.line + self.base
+    def __call__(self, features: np.ndarray) -> np.ndarray:
+        curves = np.tanh(features[:, :, None] * self.slope + self.shift) * self.weight
+        return curves.sum(axis=(1, 2)) + features @ self.line + self.base
+
+
+@dataclass(frozen=True)
+class LaidStrokes:
+    """Strokes as a style lays them over a view, before they are given texture.
+
+    Parameters
+    ----------
+    strokes : in px of the style's canvas
+    features : (N, P) float64, normalised, at their points
+    pieces : of one named part each, which they are to be cut into; None where nothing is named
+    """
+
+    strokes: Strokes
+    features: np.ndarray
+    pieces: Pieces | None
 
 
 @dataclass(frozen=True)
@@ -47,92 +71,122 @@ class Style:
 
     Parameters
     ----------
-    config : StyleConfig
-    network : SumOfCurves, features -> log(thickness + HAIR)
-    moves : (M,) float32, how much of each of MOVES the hand makes
-    centre, spread, low, high : (P,) float64, of FEATURES over the training strokes
-    hand : Hand or None
+    config : how strokes are planned
+    log_width : features (N, P) -> log(thickness + HAIR) (N,), thickness in px
+    displacement : (M,) float32, how much of each of DEFORMATIONS strokes are moved by
+    scaling : of FEATURES, to what `log_width` and `bank` expect
+    residuals : what strokes do beside that, or None
     bank : the medium, or None for flat ink
-    color : (4,) float64, the flat ink where there is no texture
+    color : (4,) float64 straight RGBA in [0, 1], the flat ink where there is no texture
     about : provenance: strokestyle version, preset, seed, exemplar
     """
 
     config: StyleConfig
-    network: SumOfCurves
-    moves: np.ndarray
-    centre: np.ndarray
-    spread: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    hand: Residuals | None = None
+    log_width: SumOfCurves
+    displacement: np.ndarray
+    scaling: FeatureScaling
+    residuals: Residuals | None = None
     bank: TextureBank | None = None
     color: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
     about: dict = field(default_factory=dict)
 
-    def normalise(self, features: np.ndarray) -> np.ndarray:
-        """Features (N, P) -> within the range seen in training, centred and scaled."""
-        return (np.clip(features, self.low, self.high) - self.centre) / self.spread
-
     def draw(self, view: View, seed: int = 0) -> Drawing:
-        """Draw a view. The same seed gives the same drawing; another one, another hand's luck."""
-        size = (view.camera.width, view.camera.height)
-        strokes, features, scale, pieces = self.strokes(view, seed)
-        rng_seed = int(np.random.SeedSequence([seed, 1]).generate_state(1)[0])
-        color, texture = np.tile(self.color, (len(strokes), 1)), None
-        if self.bank is not None and len(strokes):
-            texture, color = synthesise(self.bank, strokes, features, rng_seed)
-        if scale != 1.0:
-            strokes = replace(strokes, xy=strokes.xy * scale, thickness=strokes.thickness * scale)
-            if texture is not None:
-                texture = replace(texture, margin=texture.margin * scale)
-        drawing = Drawing(strokes, size, color, texture)
-        return drawing if pieces is None else cut_at_parts(drawing, pieces)
+        """Draw a view: strokes in its pixels, with texture.
 
-    def strokes(
-        self, view: View, seed: int = 0
-    ) -> tuple[Strokes, np.ndarray, float, Pieces | None]:
-        """Strokes in px of the style's own canvas, their normalised features (N, P), the view's px per such px, and the
-        pieces of one part each that they are to be cut into."""
-        scale = max(view.camera.width, view.camera.height) / self.config.size
-        planned = plan(view, self.config, scale)
+        The same seed gives the same drawing; another one gives other residuals and other joints of
+        the texture. A view whose longer side is k times the style's canvas is drawn k times as
+        large: thickness and displacement are scaled with it.
+        """
+        scale = self._scale(view)
+        laid = self.lay_strokes(view, seed)
+        strokes, color, texture = laid.strokes, np.tile(self.color, (len(laid.strokes), 1)), None
+        if self.bank is not None and len(strokes):
+            texture, color = synthesise(self.bank, strokes, laid.features, _child_seed(seed, 1))
+        strokes, texture = _scaled(strokes, texture, scale)
+        drawing = Drawing(strokes, (view.camera.width, view.camera.height), color, texture)
+        return drawing if laid.pieces is None else cut_at_parts(drawing, laid.pieces)
+
+    def _scale(self, view: View) -> float:
+        """How many px of the view one of the style's canvas is."""
+        return max(view.camera.width, view.camera.height) / self.config.size
+
+    def lay_strokes(self, view: View, seed: int = 0) -> LaidStrokes:
+        """Plan the strokes of a view, move them off their curves, and give them thickness."""
+        planned = plan(view, self.config, self._scale(view))
         surface = planned.carry(surface_at(view, self.config.spacing))
-        features = self.normalise(point_features(planned, surface, self.config))
+        features = self.scaling(point_features(planned, surface, self.config))
         if not len(planned):
-            return Strokes(np.zeros((0, 2)), [], [0], [], []), features, scale, None
+            return LaidStrokes(Strokes(np.zeros((0, 2)), [], [0], [], []), features, None)
         frame = Frame.of(planned, surface, self.config.spacing)
-        xy, swell = displaced(frame, self.moves), self.network(features)
-        if self.hand is not None:
-            stray = sample_residuals(
-                self.hand, planned.offsets, np.random.default_rng(np.random.SeedSequence([seed, 0]))
-            )
-            xy, swell = xy + stray[:, :1] * frame.across, swell + stray[:, 1]
-        thickness = np.maximum(np.exp(swell) - HAIR, 0.0)
+        xy, log_width = displaced(frame, self.displacement), self.log_width(features)
+        if self.residuals is not None:
+            rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
+            residuals = sample_residuals(self.residuals, planned.offsets, rng)
+            xy, log_width = xy + residuals[:, :1] * frame.normals, log_width + residuals[:, 1]
+        thickness = np.maximum(np.exp(log_width) - HAIR, 0.0)
         rows, offsets, kept = trim_invisible_ends(thickness, planned.offsets)
-        strokes = Strokes(
-            xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool)
-        )
-        pieces = None
-        if view.parts is not None:
-            step = np.diff(arc_length(xy[rows], offsets), prepend=0.0)
-            step[offsets[:-1]] = step[planned.beyond[rows] > 0] = (
-                0.0  # what runs past an end lies on nothing
-            )
-            pieces = view.parts.take(planned.source[rows, 0]).cut(offsets, np.cumsum(step))
-        return strokes, features[rows], scale, pieces
+        open_ended = np.zeros(len(kept), bool)
+        strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], open_ended)
+        return LaidStrokes(strokes, features[rows], _pieces(view, planned, rows, strokes))
+
+
+def _child_seed(seed: int, stage: int) -> int:
+    """A seed of its own for a stage of drawing."""
+    return int(np.random.SeedSequence([seed, stage]).generate_state(1)[0])
+
+
+def _scaled(
+    strokes: Strokes, texture: Texture | None, scale: float
+) -> tuple[Strokes, Texture | None]:
+    """The same drawing `scale` times as large."""
+    if scale == 1.0:
+        return strokes, texture
+    strokes = replace(strokes, xy=strokes.xy * scale, thickness=strokes.thickness * scale)
+    if texture is not None:
+        texture = replace(texture, margin=texture.margin * scale)
+    return strokes, texture
+
+
+def _pieces(view: View, planned: Planned, rows: np.ndarray, strokes: Strokes) -> Pieces | None:
+    """The pieces of strokes that lie on one named part each; None where nothing is named.
+
+    `rows` are those of the planned points that `strokes` are made of. What runs past the end of a
+    curve lies on no part, so its length does not count.
+    """
+    if view.parts is None:
+        return None
+    step = np.diff(arc_length(strokes.xy, strokes.offsets), prepend=0.0)
+    step[strokes.offsets[:-1]] = 0.0
+    step[~planned.on_curve[rows]] = 0.0
+    parts = view.parts.take(planned.source[rows, 0])
+    return parts.cut(strokes.offsets, np.cumsum(step))
 
 
 def trim_invisible_ends(
-    thickness: np.ndarray, offsets: np.ndarray, least: float = 0.5
+    thickness: np.ndarray, offsets: np.ndarray, min_visible: float = MIN_VISIBLE
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Leave out the ends that are too thin to see: rows kept, their offsets, and the strokes kept."""
+    """Leave out the ends of strokes that are too thin to see, but for one point at each end.
+
+    Strokes of which fewer than two points can be seen are left out whole.
+
+    Parameters
+    ----------
+    thickness : (N,) px
+    offsets : (C+1,), stroke i is rows offsets[i]:offsets[i+1]
+    min_visible : px
+
+    Returns
+    -------
+    The rows (n,) that are kept, their offsets (c+1,), and the strokes (c,) that these are of.
+    """
     rows, counts, kept = [], [0], []
     for i, (a, b) in enumerate(zip(offsets[:-1], offsets[1:], strict=True)):
-        seen = np.flatnonzero(thickness[a:b] >= least)
+        seen = np.flatnonzero(thickness[a:b] >= min_visible)
         if len(seen) < 2:
             continue
         first, last = max(seen[0] - 1, 0), min(seen[-1] + 1, b - a - 1)
         rows.append(np.arange(a + first, a + last + 1))
         counts.append(len(rows[-1]))
         kept.append(i)
-    rows = np.concatenate(rows) if rows else np.zeros(0, np.int64)
-    return rows, np.cumsum(counts), np.array(kept, np.int64)
+    all_rows = np.concatenate(rows) if rows else np.zeros(0, np.int64)
+    return all_rows, np.cumsum(counts), np.array(kept, np.int64)

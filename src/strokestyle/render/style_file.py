@@ -6,10 +6,12 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from .. import __version__
 from ..files import read_model, write_model
 from .config import StyleConfig
-from .features import FEATURES
+from .features import FEATURES, FeatureScaling
 from .residuals import Residuals
 from .style import Style, SumOfCurves
 from .texture_bank import TextureBank
@@ -17,36 +19,51 @@ from .texture_bank import TextureBank
 if TYPE_CHECKING:
     from .neural_strokes import NeuralStrokesStyle
 
-FORMAT = 2
+FORMAT = 3  # 3: the fields are called what the classes call them; 2 is still read
+# What the settings of format 2 are called now.
+CONFIG_OF_FORMAT_2 = {
+    "join": "join_gap",
+    "corner": "corner_angle",
+    "extend": "max_overshoot",
+    "hidden": "hidden_units",
+}
 
 
 def save_style(path: str | Path, style: Style | NeuralStrokesStyle) -> None:
-    """Write a model file: only arrays and plain values, read back without running code. Whole or not at all."""
+    """Write a model file: arrays and plain values only, read back without running code.
+
+    It is written whole or not at all. Raises OSError, naming the file, where it cannot be written.
+    """
     payload = {"format": FORMAT, "strokestyle": __version__, "about": dict(style.about)}
-    write_model(
-        path, payload | (_state(style) if isinstance(style, Style) else {"paper": style.state()})
-    )
+    if isinstance(style, Style):
+        write_model(path, payload | _state(style))
+    else:
+        write_model(path, payload | {"paper": style.state()})
 
 
 def _state(style: Style) -> dict:
     return {
         "config": asdict(style.config),
-        "network": asdict(style.network),
-        "moves": style.moves,
-        "features": {
-            "names": list(FEATURES),
-            **{name: getattr(style, name) for name in ("centre", "spread", "low", "high", "color")},
-        },
-        "hand": None if style.hand is None else asdict(style.hand),
+        "log_width": asdict(style.log_width),
+        "displacement": style.displacement,
+        "features": {"names": list(FEATURES), **asdict(style.scaling)},
+        "residuals": None if style.residuals is None else asdict(style.residuals),
         "texture": None if style.bank is None else asdict(style.bank),
+        "color": style.color,
     }
 
 
 def load_style(path: str | Path, device: str = "cpu") -> Style | NeuralStrokesStyle:
-    """Read a model file. `device` is where the networks of a PaperStyle go; a Style has nothing to gain from one.
+    """Read a model file.
 
-    Raises ValueError, naming the file, where it is no model, is cut short, damaged, or of a newer version; OSError
-    where it cannot be read.
+    `device` is where the networks of a NeuralStrokesStyle go; a Style has nothing to gain from one.
+
+    Raises
+    ------
+    ValueError
+        naming the file, where it is no model, is cut short, damaged, or of a newer version.
+    OSError
+        where it cannot be read.
     """
     payload = read_model(path)
     if not isinstance(payload.get("format"), int) or "strokestyle" not in payload:
@@ -55,8 +72,9 @@ def load_style(path: str | Path, device: str = "cpu") -> Style | NeuralStrokesSt
         )
     if payload["format"] > FORMAT:
         raise ValueError(
-            f"{path}: written by strokestyle {payload['strokestyle']} (format {payload['format']}); this is "
-            f"{__version__} (format {FORMAT}): update strokestyle"
+            f"{path}: written by strokestyle {payload['strokestyle']} "
+            f"(format {payload['format']}); this is {__version__} (format {FORMAT}): "
+            "update strokestyle"
         )
     if "paper" in payload or device not in ("auto", "cpu"):
         from .devices import pick_device
@@ -66,26 +84,63 @@ def load_style(path: str | Path, device: str = "cpu") -> Style | NeuralStrokesSt
     try:
         if "paper" in payload:
             return NeuralStrokesStyle.from_state(payload["paper"], payload["about"], place)
-        return _unpack_style(payload)
-    except (KeyError, TypeError, RuntimeError, AttributeError) as error:
+        return _unpack_style(payload if payload["format"] > 2 else _from_format_2(payload))
+    except (KeyError, TypeError, RuntimeError, AttributeError, IndexError) as error:
         raise ValueError(f"{path}: a damaged strokestyle model ({error}); write it again") from None
 
 
 def _unpack_style(payload: dict) -> Style:
     known = {f.name for f in fields(StyleConfig)}
     config = {key: value for key, value in payload["config"].items() if key in known}
-    config = StyleConfig(
-        **{key: tuple(value) if isinstance(value, list) else value for key, value in config.items()}
-    )
-    statistics = payload["features"]
-    if tuple(statistics["names"]) != FEATURES:
+    scaling = dict(payload["features"])
+    if tuple(scaling.pop("names")) != FEATURES:
         raise KeyError("its features are not those of this version")
+    residuals, texture = payload["residuals"], payload["texture"]
     return Style(
-        config=config,
-        network=SumOfCurves(**payload["network"]),
-        moves=payload["moves"],
-        hand=None if payload["hand"] is None else Residuals(**payload["hand"]),
-        bank=None if payload["texture"] is None else TextureBank(**payload["texture"]),
+        config=StyleConfig(**config),
+        log_width=SumOfCurves(**payload["log_width"]),
+        displacement=payload["displacement"],
+        scaling=FeatureScaling(**scaling),
+        residuals=None if residuals is None else Residuals(**residuals),
+        bank=None if texture is None else TextureBank(**texture),
+        color=payload["color"],
         about=payload["about"],
-        **{name: statistics[name] for name in ("centre", "spread", "low", "high", "color")},
     )
+
+
+def _from_format_2(payload: dict) -> dict:
+    """Put what a file of format 2 holds under the names of format 3."""
+    features = dict(payload["features"])
+    residuals = payload["hand"]
+    if residuals is not None:
+        residuals = {"values": residuals["stray"], "offsets": residuals["offsets"]}
+    texture = payload["texture"]
+    return payload | {
+        "config": {CONFIG_OF_FORMAT_2.get(k, k): value for k, value in payload["config"].items()},
+        "log_width": payload["network"],
+        "displacement": payload["moves"],
+        "color": features.pop("color"),
+        "features": features,
+        "residuals": residuals,
+        "texture": None if texture is None else _texture_of_format_2(texture),
+    }
+
+
+def _texture_of_format_2(texture: dict) -> dict:
+    """The same for a texture: its rows' properties were columns of one table."""
+    row: np.ndarray = texture["row"]
+    return {
+        "rgba": texture["rgba"],
+        "offsets": texture["offsets"],
+        "width": row[:, 0],
+        "ends": row[:, 1:3],
+        "occlusion": row[:, 3],
+        "appearance": texture["look"],
+        "local_ink": texture["tone"],
+        "predicted_ink": texture["fitted"],
+        "weights": texture["weights"],
+        "scale": texture["scale"],
+        "noise": texture["noise"],
+        "margin": float(texture["margin"][0]),
+        "flat": bool(texture["flat"][0] > 0.5),
+    }
