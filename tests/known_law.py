@@ -168,7 +168,7 @@ def level(y, first=20, last=280):
 
 
 def on_curve(planned):
-    return planned.beyond == 0
+    return planned.on_curve
 
 
 def heading(points):

@@ -62,7 +62,7 @@ def test_displacement_and_thickness_come_back_on_another_view(law, outside):
 
 def test_no_law_is_no_displacement():
     style = learned(Law())
-    assert np.abs(style.moves).max() < 0.1
+    assert np.abs(style.displacement).max() < 0.1
     # the next point past an end, 3 px on, has no thickness: half of it is left in the middle
     assert np.abs(overshoots(style.draw(UNSEEN).strokes, UNSEEN)).max() < 1.6
 
@@ -84,7 +84,7 @@ def test_residuals_have_the_spread_of_the_hand(rms):
     style, _ = fit_quick(DRAWN, Law(jitter=rms).exemplar(DRAWN), config)
     noise = jitter(20000, rms, np.random.default_rng(1))
     fast = noise - ndimage.gaussian_filter1d(noise, RESIDUAL_SIGMAS[0] / 3.0)
-    across, log_width = style.hand.stray.T
+    across, log_width = style.residuals.values.T
     assert across.std() == pytest.approx(fast.std(), rel=0.12)
     assert log_width.std() < 0.05
     slow = ndimage.gaussian_filter1d(across, 8.0)
@@ -96,13 +96,13 @@ def test_residuals_have_the_spread_of_the_hand(rms):
 
 
 def test_half_the_residuals_are_half_as_large_and_none_are_none():
-    exemplar, stray = Law(jitter=0.8).exemplar(DRAWN), {}
+    exemplar, found = Law(jitter=0.8).exemplar(DRAWN), {}
     config = without_residuals(PRESETS["quick"], steps=20, trace_steps=30)
     for amount in (1.0, 0.5, 0.0):
         changed = replace(config, residuals=amount)
-        stray[amount] = fit_quick(DRAWN, exemplar, changed)[0].hand
-    assert stray[0.0] is None
-    assert stray[0.5].stray == pytest.approx(0.5 * stray[1.0].stray, abs=1e-6)
+        found[amount] = fit_quick(DRAWN, exemplar, changed)[0].residuals
+    assert found[0.0] is None
+    assert found[0.5].values == pytest.approx(0.5 * found[1.0].values, abs=1e-6)
 
 
 def test_flat_ink_is_the_drawings():

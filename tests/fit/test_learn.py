@@ -9,10 +9,10 @@ from known_law import SPACING, jitter, level, planned
 from scipy import ndimage
 
 from strokestyle.fit.learn import (
-    FeatureScaling,
     learn_displacement,
     learn_residuals,
     learn_thickness,
+    measure_scaling,
 )
 from strokestyle.fit.observe import Observation
 from strokestyle.fit.train import PRESETS
@@ -176,7 +176,7 @@ def test_where_nothing_is_known_strokes_are_of_some_thickness_and_the_seed_decid
 def test_features_are_cut_to_their_range_centred_and_scaled():
     raw = np.random.default_rng(0).normal(5.0, 2.0, (4000, 2)) * [1.0, 0.0]
     raw[0, 0] = 1e6
-    scaling = FeatureScaling.of(raw)
+    scaling = measure_scaling(raw)
     out = scaling(raw)
     assert out[:, 0].mean() == pytest.approx(0, abs=1e-9)
     assert out[:, 0].std() == pytest.approx(1, abs=1e-9) and np.abs(out[:, 0]).max() < 3
@@ -203,8 +203,8 @@ def test_residuals_keep_what_is_fast_and_lose_what_is_slow():
     assert found.offsets.tolist() == [0, 400, 800]  # of three points nothing can be told
     for k, sigma in ((0, 7.0), (1, 14.0)):
         fast = off[:400, k] - ndimage.gaussian_filter1d(off[:400, k], sigma / SPACING)
-        assert found.stray[20:380, k].std() == pytest.approx(fast.std(), rel=0.05)
-        assert np.corrcoef(found.stray[20:380, k], fast[20:380])[0, 1] > 0.98
+        assert found.values[20:380, k].std() == pytest.approx(fast.std(), rel=0.05)
+        assert np.corrcoef(found.values[20:380, k], fast[20:380])[0, 1] > 0.98
 
 
 def test_residuals_are_bridged_where_they_are_not_sure():
@@ -213,7 +213,7 @@ def test_residuals_are_bridged_where_they_are_not_sure():
     agrees[100:110] = agrees[:7] = agrees[395:400] = False
     found = learn_residuals(off, strokes, agrees, SPACING)
     assert found.offsets.tolist() == [0, 388, 788]  # from the first to the last that is sure
-    assert np.abs(found.stray[:388]).max() < 2.0
+    assert np.abs(found.values[:388]).max() < 2.0
     agrees[:400] = np.arange(400) % 3 == 0  # a third sure: too little is known
     assert learn_residuals(off, strokes, agrees, SPACING).offsets.tolist() == [0, 400]
     assert learn_residuals(off, strokes, np.zeros(len(off), bool), SPACING) is None
@@ -221,6 +221,6 @@ def test_residuals_are_bridged_where_they_are_not_sure():
 
 def test_residuals_past_the_ends_are_left_out():
     strokes = planned(level(20, 0, 1200), past=8)
-    off = np.where(strokes.beyond[:, None] > 0, 30.0, np.zeros((len(strokes.xy), 2)))
+    off = np.where(strokes.overshoot[:, None] > 0, 30.0, np.zeros((len(strokes.xy), 2)))
     found = learn_residuals(off, strokes, np.ones(len(off), bool), SPACING)
-    assert found.offsets.tolist() == [0, 384] and not found.stray.any()
+    assert found.offsets.tolist() == [0, 384] and not found.values.any()

@@ -80,7 +80,7 @@ def test_a_stroke_seen_lengthwise_is_not_believed():
 def test_what_runs_past_an_end_is_not_measured():
     strokes = planned(level(60), past=4)
     seen = measured(band(60, 4.0), strokes)
-    assert (seen.confidence > 0).tolist() == (strokes.beyond == 0).tolist()
+    assert (seen.confidence > 0).tolist() == strokes.on_curve.tolist()
 
 
 def test_a_wavering_band_is_followed_point_by_point():

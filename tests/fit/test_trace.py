@@ -45,7 +45,7 @@ def tensors_of(strokes, deformations=None):
     return StrokeTensors(
         *(torch.tensor(a, dtype=torch.float32) for a in (strokes.xy, across, deformations)),
         torch.tensor(strokes.offsets),
-        torch.tensor(strokes.beyond == 0),
+        torch.tensor(strokes.on_curve),
     )
 
 
@@ -101,12 +101,12 @@ def test_where_the_drawing_is_as_it_was_begun_nothing_moves():
 
 def test_a_stroke_runs_on_past_its_end_only_where_the_drawing_does():
     strokes = two_lines(past=6)
-    drawn = (strokes.beyond < 13) & ((strokes.xy[:, 1] < 60) | (strokes.beyond == 0))
+    drawn = (strokes.overshoot < 13) & ((strokes.xy[:, 1] < 60) | strokes.on_curve)
     lines = [strokes.xy[drawn & (strokes.xy[:, 1] == y)] for y in (40, 80)]
     offsets = np.r_[0, np.cumsum([len(line) for line in lines])]
     mask = mask_of(np.concatenate(lines), np.full(offsets[-1], 5.0), offsets)
     _, thickness, _ = traced(strokes, mask)
-    upper, past = strokes.xy[:, 1] < 60, strokes.beyond
+    upper, past = strokes.xy[:, 1] < 60, strokes.overshoot
     assert thickness[upper & (past > 5) & (past < 11)].min() > 2.5
     assert thickness[upper & (past > 16)].max() < 0.3
     assert thickness[~upper & (past > 4)].max() < 0.3
@@ -172,7 +172,7 @@ def test_changes_are_pulled_back_to_the_start():
 
 def test_ink_past_the_ends_costs_by_its_thickness():
     strokes = two_lines(past=2)
-    past = strokes.beyond > 0
+    past = strokes.overshoot > 0
     wide = np.where(past, np.log(2.0 + HAIR) - np.log(HAIR), 0.0)
     flat = losses(np.zeros(len(past)), wide, strokes, roughness=0.0)[0]
     pull = PULL_WEIGHT * np.mean(wide**2)
@@ -260,7 +260,7 @@ def test_a_traced_stroke_is_believed_where_both_ways_of_seeing_agree():
     strokes = planned(level(40, 30, 90), past=3)
     tensors, count = tensors_of(strokes), len(strokes.xy)
     offset, thickness = np.full(count, 2.0), np.full(count, 4.0)
-    inner = np.flatnonzero(strokes.beyond == 0)
+    inner = np.flatnonzero(strokes.on_curve)
     measured = Observation(offset.copy(), thickness.copy(), np.ones(count))
     measured.confidence[inner[0]] = 0.0
     measured.offset[inner[1]] += 1.4
@@ -288,7 +288,7 @@ def test_a_traced_stroke_is_believed_where_both_ways_of_seeing_agree():
 
 def test_traced_strokes_lose_ends_that_are_too_thin_to_see():
     strokes = planned(level(40, 30, 90), level(80, 30, 90), past=2)
-    log_width = np.log(np.where(strokes.beyond > 3, 0.0, 4.0) + HAIR)
+    log_width = np.log(np.where(strokes.overshoot > 3, 0.0, 4.0) + HAIR)
     log_width[strokes.offsets[1] :] = np.log(HAIR)
     traced = Traced(
         torch.tensor(strokes.xy, dtype=torch.float32),
