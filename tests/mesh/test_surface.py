@@ -3,6 +3,7 @@
 import json
 import os
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -630,3 +631,14 @@ def test_reading_says_nothing(tmp_path, capfd):
     with pytest.raises((ValueError, OSError), match=r"a\.gltf"):
         load_surface(path)
     assert capfd.readouterr() == ("", "")
+
+
+def test_what_follows_from_the_triangles_alone_is_shared_by_smoothed_surfaces():
+    surface = make_surface(*shapes.cube())
+    smooth = surface.smoothed(1.0)
+    assert smooth.connectivity is surface.connectivity
+    assert smooth.cut_edges is surface.cut_edges
+    moved = replace(surface, vertices=surface.vertices * 0.5)
+    assert moved.connectivity is not surface.connectivity
+    assert moved.mean_edge == pytest.approx(0.5 * surface.mean_edge)
+    assert "connectivity" not in repr(surface)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -12,11 +13,13 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from .triangles import TINY, Edges, row_dot, scatter_sum, side_vectors, unit_rows
 
 BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
-MANY_STEPS = 8  # of smoothing, before it pays to put vertices in order
+MIN_SORTED = 8  # steps of smoothing, from which on it pays to put vertices in order
+MAX_EXTRAPOLATED = 30.0  # degrees that an extrapolated normal may turn from the averaged one
 
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit normals (V, 3): face normals weighted as in Max 1999, exact for points on a sphere."""
+    """Average face normals at the vertices (V, 3), unit: weighted as in Max 1999, which is exact for
+    points on a sphere."""
     side = side_vectors(vertices, faces)
     cross = np.cross(side[0], side[1])
     square = [np.maximum(row_dot(s, s), TINY) for s in side]
@@ -34,10 +37,8 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     ]
     normals = np.stack(total, axis=1)
     length = np.sqrt(row_dot(normals, normals))
-    lost = ~(
-        length > 1e-12
-    )  # faces that cancel, folded onto each other: any one of their normals will do
-    if lost.any():
+    lost = ~(length > 1e-12)
+    if lost.any():  # faces that cancel, folded onto each other: any one of their normals will do
         face = np.zeros(len(vertices), np.int64)
         face[index] = np.repeat(np.arange(len(faces)), 3)
         normals[lost] = cross[face[lost]]
@@ -47,47 +48,64 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _extrapolate_boundary_normals(
     vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, edges: Edges
 ) -> np.ndarray:
-    """Normals (V, 3) with those on boundaries and creases extrapolated instead of averaged.
+    """Extrapolate the normals on boundaries and creases instead of averaging there: all normals (V, 3).
 
-    A vertex with faces on one side only has the normal of a place half an edge away, which spoils the curvature for two
-    rings of vertices. There the face normals of two rings, each true at its centroid, are fitted by a linear field.
+    A vertex with faces on one side only has the normal of a place half an edge away, which spoils
+    the curvature for two rings of vertices. There the face normals of two rings, each true at its
+    centroid, are fitted by a linear field.
     """
     rim = np.unique(edges.ends[edges.uses == 1])
     if not len(rim):
         return normals
-    number = np.full(len(vertices), -1)
-    number[rim] = np.arange(len(rim))
-    # pairs of a rim vertex and a face within two rings of it
-    corner_face = np.repeat(np.arange(len(faces)), 3)
-    touches = csr_matrix(
-        (np.ones(faces.size), (faces.ravel(), corner_face)), shape=(len(vertices), len(faces))
-    )
-    pairs = (touches[rim] @ touches.T @ touches).tocoo()
-    vertex, face = pairs.row, pairs.col
+    vertex, face = _two_rings(faces, rim, len(vertices))
     side = side_vectors(vertices, faces[face])
     cross = np.cross(side[0], side[1])
     area = np.sqrt(row_dot(cross, cross))
     x, y = _tangent_frame(normals[rim])
     away = vertices[faces[face]].mean(axis=1) - vertices[rim[vertex]]
-    at = np.stack(
-        [np.ones(len(vertex)), row_dot(away, x[vertex]), row_dot(away, y[vertex])], axis=1
-    )
-    unit = cross / np.maximum(area, TINY)[:, None]
-    left, right = np.empty((len(rim), 3, 3)), np.empty((len(rim), 3, 3))
-    for i in range(3):
-        for j in range(3):
-            left[:, i, j] = scatter_sum(vertex, area * at[:, i] * at[:, j], len(rim))
-            right[:, i, j] = scatter_sum(vertex, area * at[:, i] * unit[:, j], len(rim))
-    spread = (
-        1e-6 * (left[:, 1, 1] + left[:, 2, 2]) + TINY
-    )  # faces in a row tell nothing across it: no slope then
-    left[:, 1, 1] += spread
-    left[:, 2, 2] += spread
-    fitted = unit_rows(np.linalg.solve(left + np.diag([TINY, 0, 0]), right)[:, 0])
-    good = row_dot(fitted, normals[rim]) > np.cos(np.radians(30.0))
+    along = row_dot(away, x[vertex]), row_dot(away, y[vertex])
+    at = np.stack([np.ones(len(vertex)), *along], axis=1)
+    fitted = _fit_linear(vertex, at, area, cross / np.maximum(area, TINY)[:, None], len(rim))
+    good = row_dot(fitted, normals[rim]) > np.cos(np.radians(MAX_EXTRAPOLATED))
     normals = normals.copy()
     normals[rim[good]] = fitted[good]
     return normals
+
+
+def _two_rings(
+    faces: np.ndarray, chosen: np.ndarray, vertices: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pair `chosen` vertices (M,) with the faces within two rings of them: index into it, and face."""
+    corner_face = np.repeat(np.arange(len(faces)), 3)
+    touches = csr_matrix(
+        (np.ones(faces.size), (faces.ravel(), corner_face)), shape=(vertices, len(faces))
+    )
+    pairs = (touches[chosen] @ touches.T @ touches).tocoo()
+    return pairs.row, pairs.col
+
+
+def _fit_linear(
+    vertex: np.ndarray, at: np.ndarray, area: np.ndarray, unit: np.ndarray, count: int
+) -> np.ndarray:
+    """Fit unit normals by fields that are linear in the tangent plane of `count` vertices: their values there.
+
+    Parameters
+    ----------
+    vertex : (P,) int, the vertex that a pair of it and a face belongs to
+    at : (P, 3) one, and the face's centroid in the vertex's tangent plane
+    area : (P,) weight of the face
+    unit : (P, 3) its normal
+    """
+    left, right = np.empty((count, 3, 3)), np.empty((count, 3, 3))
+    for i in range(3):
+        for j in range(3):
+            left[:, i, j] = scatter_sum(vertex, area * at[:, i] * at[:, j], count)
+            right[:, i, j] = scatter_sum(vertex, area * at[:, i] * unit[:, j], count)
+    # faces in a row tell nothing across it: no slope then
+    spread = 1e-6 * (left[:, 1, 1] + left[:, 2, 2]) + TINY
+    left[:, 1, 1] += spread
+    left[:, 2, 2] += spread
+    return unit_rows(np.linalg.solve(left + np.diag([TINY, 0, 0]), right)[:, 0])
 
 
 def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -144,73 +162,124 @@ def _solve_tridiagonal(diagonal: list, off: list, right: list, rtsc: bool = Fals
     return out
 
 
+class Measures(NamedTuple):
+    """What is measured on a mesh; see Surface."""
+
+    normals: np.ndarray
+    k1: np.ndarray
+    k2: np.ndarray
+    pdir1: np.ndarray
+    pdir2: np.ndarray
+    dcurv: np.ndarray
+    feature_size: float
+
+
 def differential_geometry(
     vertices: np.ndarray,
     faces: np.ndarray,
     smooth: float = 0.0,
     rtsc: bool = False,
     edges: Edges | None = None,
-) -> tuple:
-    """Normals, k1, k2, pdir1, pdir2, dcurv, feature size, after Rusinkiewicz 2004.
+) -> Measures:
+    """Measure normals, curvatures and their derivative at the vertices, after Rusinkiewicz 2004.
 
-    `rtsc` : the numbers of rtsc 1.6 to the last digit instead, for comparison with it. It differs from the paper in
-    that its 3 x 3 solver skips the last elimination step, which makes curvature depend on the order of a face's
-    corners, and in that it estimates the feature size from 500 vertices.
-    `edges` : those of the faces, where they are known.
+    Least squares on each face fits the second fundamental form to differences of vertex normals,
+    and its derivative to differences of vertex curvatures; vertices average their faces by Voronoi
+    area after turning each face's plane into their own.
 
-    Least squares on each face fits the second fundamental form to differences of vertex normals, and its derivative to
-    differences of vertex curvatures; vertices average their faces by Voronoi area after turning each face's plane
-    into their own.
+    Tensors turn as complex numbers. Write the angle of a frame as e^(i phi); the form
+    [[a, b], [b, c]] is the mean (a + c) / 2, which does not turn, and the deviator
+    (a - c) / 2 + i b, which turns by e^(2 i phi). A symmetric derivative tensor
+    (p, q, r, s) = uuu, uuv, uvv, vvv is one part turning by e^(i phi) and one by e^(3 i phi).
 
-    Tensors turn as complex numbers. Write the angle of a frame as e^(i phi); the form [[a, b], [b, c]] is the mean
-    (a + c) / 2, which does not turn, and the deviator (a - c) / 2 + i b, which turns by e^(2 i phi). A symmetric
-    derivative tensor (p, q, r, s) = uuu, uuv, uvv, vvv is one part turning by e^(i phi) and one by e^(3 i phi).
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+    faces : (F, 3) int
+    smooth : standard deviation, in mean edge lengths, of the smoothing of normals and curvatures
+    rtsc : the numbers of rtsc 1.6 to the last digit instead, for comparison with it. It differs from
+        the paper in that its 3 x 3 solver skips the last elimination step, which makes curvature
+        depend on the order of a face's corners, and in that it estimates the feature size from 500
+        vertices.
+    edges : those of the faces, where they are known
     """
-    count, index = len(vertices), faces.ravel()
+    edges = Edges.of(faces, len(vertices)) if edges is None else edges
     normals = vertex_normals(vertices, faces)
-    edges = edges or Edges.of(faces, count)
     if not rtsc:
         normals = _extrapolate_boundary_normals(vertices, faces, normals, edges)
-    blur = _blur(edges, count, smooth)
+    blur = _blur(edges, len(vertices), smooth)
     if blur is not None:
         normals = unit_rows(blur(normals))
     x, y = _tangent_frame(normals)
-    areas = corner_areas(vertices, faces)
-    share = (
-        areas.ravel() / np.maximum(scatter_sum(index, areas.ravel(), count), TINY)[index]
-    ).reshape(-1, 3)
-
-    blocks = [slice(i, i + BLOCK) for i in range(0, len(faces), BLOCK)]
-    frames = [_face_frames(vertices, faces[block], share[block], normals) for block in blocks]
-    mean, deviator = np.empty(faces.shape), np.empty(faces.shape, complex)
-    for block, frame in zip(blocks, frames, strict=True):
-        mean[block], deviator[block] = _forms(frame, normals[faces[block]], rtsc)
-    mean, deviator = (
-        scatter_sum(index, mean.ravel(), count),
-        scatter_sum(index, deviator.ravel(), count),
-    )
+    blocks = _face_blocks(vertices, faces, normals)
+    mean, deviator = _vertex_forms(faces, normals, blocks, rtsc)
     if blur is not None:
         mean, deviator = _blur_tensor(blur, mean, deviator, x, y)
+    k1, k2, axis = _principal_curvatures(mean, deviator)
+    pdir1 = axis.real[:, None] * x + axis.imag[:, None] * y
+    pdir2 = axis.real[:, None] * y - axis.imag[:, None] * x
+    dcurv = _vertex_derivatives(faces, blocks, mean, deviator, axis)
+    size = feature_size(vertices, k1, k2, rtsc)
+    return Measures(normals, k1, k2, pdir1, pdir2, dcurv, size)
 
-    # principal curvatures: mean +- |deviator|, the first along half the deviator's angle
+
+def _face_blocks(
+    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray
+) -> list[tuple[slice, _FaceFrames]]:
+    """Set up the frames of BLOCK faces at a time: which faces, and their frames."""
+    index, areas = faces.ravel(), corner_areas(vertices, faces).ravel()
+    total = np.maximum(scatter_sum(index, areas, len(vertices)), TINY)
+    share = (areas / total[index]).reshape(-1, 3)
+    blocks = [slice(i, i + BLOCK) for i in range(0, len(faces), BLOCK)]
+    return [(b, _face_frames(vertices, faces[b], share[b], normals)) for b in blocks]
+
+
+def _vertex_forms(
+    faces: np.ndarray,
+    normals: np.ndarray,
+    blocks: list[tuple[slice, _FaceFrames]],
+    rtsc: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Average the second fundamental forms of the faces: mean (V,) and deviator (V,) complex."""
+    mean, deviator = np.empty(faces.shape), np.empty(faces.shape, complex)
+    for block, frame in blocks:
+        mean[block], deviator[block] = _forms(frame, normals[faces[block]], rtsc)
+    index, count = faces.ravel(), len(normals)
+    mean = scatter_sum(index, mean.ravel(), count)
+    return mean, scatter_sum(index, deviator.ravel(), count)
+
+
+def _principal_curvatures(
+    mean: np.ndarray, deviator: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Read the principal curvatures off a form: mean +- |deviator|, the larger first.
+
+    Returns k1 and k2 (V,), and the first's direction (V,) complex, along half the deviator's angle.
+    """
     spread = np.abs(deviator)
     angle = 0.5 * np.angle(deviator)
     convex = mean >= 0.0
-    k1, k2 = (
-        np.where(convex, mean + spread, mean - spread),
-        np.where(convex, mean - spread, mean + spread),
-    )
+    k1 = np.where(convex, mean + spread, mean - spread)
+    k2 = np.where(convex, mean - spread, mean + spread)
     angle = np.where(convex, angle, angle + 0.5 * np.pi)
-    axis = np.exp(1j * angle)
-    pdir1 = axis.real[:, None] * x + axis.imag[:, None] * y
-    pdir2 = axis.real[:, None] * y - axis.imag[:, None] * x
+    return k1, k2, np.exp(1j * angle)
 
+
+def _vertex_derivatives(
+    faces: np.ndarray,
+    blocks: list[tuple[slice, _FaceFrames]],
+    mean: np.ndarray,
+    deviator: np.ndarray,
+    axis: np.ndarray,
+) -> np.ndarray:
+    """Average the derivatives of the form over the faces, seen along the principal directions: (V, 4)."""
     one, three = np.empty(faces.shape, complex), np.empty(faces.shape, complex)
-    for block, frame in zip(blocks, frames, strict=True):
+    for block, frame in blocks:
         one[block], three[block] = _derivatives(frame, mean[faces[block]], deviator[faces[block]])
+    index, count = faces.ravel(), len(mean)
     one = scatter_sum(index, one.ravel(), count) / axis
     three = scatter_sum(index, three.ravel(), count) / (axis * axis * axis)
-    dcurv = np.stack(
+    return np.stack(
         [
             one.real + three.real,
             one.imag / 3.0 + three.imag,
@@ -219,7 +288,6 @@ def differential_geometry(
         ],
         axis=1,
     )
-    return normals, k1, k2, pdir1, pdir2, dcurv, feature_size(vertices, k1, k2, rtsc)
 
 
 @dataclass(frozen=True)
@@ -384,7 +452,7 @@ def _blur(edges: Edges, count: int, smooth: float):
         shape=(count, count),
     )
 
-    if steps < MANY_STEPS:
+    if steps < MIN_SORTED:
         order = everyone
     else:  # neighbours near each other in memory: twice as fast where the file strews them
         order = reverse_cuthill_mckee(step, symmetric_mode=True)
