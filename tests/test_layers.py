@@ -27,7 +27,13 @@ TORCH = {
     "fit.*",
     "cli",
 }
-ONLY = {"resvg_py": {"svg.write"}, "click": {"cli"}, "rich": {"cli"}, "embreex": {"extract.rays"}}
+ONLY = {
+    "resvg_py": {"svg.write"},
+    "svgwrite": {"svg.tree"},
+    "click": {"cli"},
+    "rich": {"cli"},
+    "embreex": {"extract.rays"},
+}
 MODULES = {
     ".".join(path.relative_to(SOURCE).with_suffix("").parts): path
     for path in sorted(SOURCE.rglob("*.py"))
@@ -112,3 +118,9 @@ def test_a_mesh_is_drawn_without_torch():
     seen = imported_with("mesh.surface", "extract.pipeline", "render.style_file", "svg.write")
     torch = {name for name in seen if "torch" in dict(imports(name))}
     assert "render.quilt" in seen and not torch
+
+
+def test_svgwrite_is_imported_when_a_file_is_written():
+    """What only reads a file, or asks how it would be written, does without."""
+    seen = imported_with("svg.write", "svg.read", "render.figure")
+    assert "svg.document" in seen and "svg.tree" not in seen

@@ -18,7 +18,9 @@ from strokestyle.drawing.strokes import Drawing, Strokes
 from strokestyle.geometry.bezier import fit_lines
 from strokestyle.geometry.curves import Curves
 from strokestyle.render.curve_file import load_curves
+from strokestyle.svg.document import Page, document
 from strokestyle.svg.format import SvgOptions, page_size_mm
+from strokestyle.svg.markup import Element
 from strokestyle.svg.read import read_svg, read_svg_file
 from strokestyle.svg.write import png_from_svg, write_svg
 
@@ -98,6 +100,26 @@ def test_licence_author_title_and_description_come_back(license):
     text = write_svg(small(None), options)
     assert read_svg_file(text).options == options
     assert ("creativecommons.org/licenses/by-nc/4.0/" in text) == license.startswith("CC-BY")
+
+
+def test_every_element_begins_a_line_that_its_id_leads():
+    text = write_svg(small("grain"), title="a", author="b", background="ivory")
+    lines = text.splitlines()
+    assert lines[0].startswith("<?xml") and lines[-1] == "</svg>" and text.endswith("</svg>\n")
+    assert all(re.match(r"<[^/]", line) for line in lines[:-1])
+    assert text.count("\n") == len(list(ET.fromstring(text).iter())) + 2
+    assert [line[:8] for line in lines].count('<g id="s') == 5
+
+
+def test_what_svgwrite_adds_and_nobody_needs_is_left_out():
+    root = write_svg(small(None)).splitlines()[1]
+    assert "xmlns:ev" not in root and "baseProfile" not in root and "<defs" not in root
+
+
+def test_a_document_has_only_elements_that_are_known():
+    page = Page.of_canvas((9, 9), SvgOptions())
+    with pytest.raises(ValueError, match="script"):
+        document([Element("script", {})], page, SvgOptions())
 
 
 def test_no_name_gets_out_of_its_place():

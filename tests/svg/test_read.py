@@ -342,9 +342,8 @@ def test_a_page_that_was_cut_moves_the_strokes():
     assert file.drawing.size == (61, 50)
     xy, _ = stroke(file.drawing, 0)
     assert xy == pytest.approx(stroke(read_svg(GOLDEN / "none.svg"), 0)[0] - [20, 10])
-    _, file = edited(
-        "none", None, a=('width="31.75mm" height="26.4583mm"', 'width="10cm" height="8cm"')
-    )
+    larger = {"a": ('width="31.75mm"', 'width="10cm"'), "b": ('height="26.4583mm"', 'height="8cm"')}
+    _, file = edited("none", None, **larger)
     assert file.drawing.size == (120, 100)  # another size on paper is the same drawing
 
 
@@ -466,7 +465,7 @@ def test_colours_beyond_what_there_is_are_the_last_there_is():
         ('data-ss-size="120', 'data-ss-size="9999999', "canvas"),
         ('<g id="layer-contour"', '<g id="layer-contour" transform="scale(1e9)"', "far"),
         ("</svg>", "", "XML"),
-        ('<?xml version="1.0" encoding="utf-8"?>', '<!DOCTYPE svg [<!ENTITY a "b">]>', "DOCTYPE"),
+        ('<?xml version="1.0" encoding="utf-8" ?>', '<!DOCTYPE svg [<!ENTITY a "b">]>', "DOCTYPE"),
     ],
 )
 def test_damage_is_named_in_one_line(old, new, found):

@@ -198,9 +198,14 @@ def paint_order(drawing: Drawing, layers: str = "kind") -> np.ndarray:
     what has no part's name beneath them; within a part strokes keep the order they are given in.
     With `layers` "part", parts come first, then the kinds within each.
     """
-    kind = -drawing.strokes.kind.astype(np.int64)
-    part = np.zeros(len(kind)) if drawing.parts is None else drawing.parts.index
-    return np.lexsort((kind, part) if layers == "part" else (part, kind))
+    return order_of_kinds(drawing.strokes.kind, drawing.parts, layers)
+
+
+def order_of_kinds(kind: np.ndarray, parts: Parts | None, layers: str = "kind") -> np.ndarray:
+    """Sort lines of the given kinds (C,) and parts into the order of painting, as `paint_order`."""
+    rank = -kind.astype(np.int64)
+    part = np.zeros(len(rank)) if parts is None else parts.index
+    return np.lexsort((rank, part) if layers == "part" else (part, rank))
 
 
 def merge_coincident_points(xy: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,9 @@ import numpy as np
 from ..drawing.strokes import Drawing, paint_order
 from ..geometry.bezier import fit_lines
 from ..geometry.curves import KINDS, arc_length, simplify
-from .document import LayerItem, document, layered
-from .format import MM_PER_PX, SvgOptions, page_size_mm
-from .markup import element, hex_color, number, numbers, units
+from .document import LayerItem, Page, document, layered
+from .format import SvgOptions
+from .markup import Element, hex_color, number, numbers, units
 
 PEN = 0.3  # mm, how thick a plotter's lines are shown
 LINE_SLACK = 0.1  # px between a centre line and its curves
@@ -20,32 +20,39 @@ EFFECT = "lpe-"  # and the stroke's id: the id of its path effect
 
 
 def plotter_svg(drawing: Drawing, options: SvgOptions) -> str:
-    """Centre lines only, in mm: no fill, image or clip. Layers are numbered as plotter software wants them."""
-    width, height = drawing.size
-    page = page_size_mm(options.page_size, drawing.size) or (width * MM_PER_PX, height * MM_PER_PX)
-    scale = min(page[0] / width, page[1] / height)  # mm a pixel
-    corner = 0.5 * (np.array(page) - scale * np.array([width, height]))
-    strokes, order = drawing.strokes, paint_order(drawing, options.layers).tolist()
-    lines = fit_lines(strokes.xy, strokes.offsets, min(options.tolerance, LINE_SLACK))
-    marks, digits = [], max(3, len(str(max(len(order) - 1, 0))))
-    for place, i in enumerate(order):
-        d = line_path(
-            lines[i][0] * scale + corner, max(options.decimals, 2), bool(strokes.closed[i])
-        )
-        pen = {"id": f"s{place:0{digits}d}", "stroke": hex_color(drawing.color[i, :3]), "d": d}
-        part = "" if drawing.parts is None else drawing.parts.name(i)
-        marks.append(LayerItem(element("path", pen), KINDS[strokes.kind[i]], part))
+    """Write centre lines only, in mm: no fill, image or clip; layers are numbered as plotter software wants them."""
+    page = Page.in_mm(drawing.size, options)
+    order = paint_order(drawing, options.layers).tolist()
     style = {
         "fill": "none",
         "stroke-width": number(PEN, 2),
         "stroke-linecap": "round",
         "stroke-linejoin": "round",
     }
-    if options.layers == "none":
-        content = element("g", style, "".join(mark.markup for mark in marks)) if marks else ""
+    items = _pen_lines(drawing, options, page, order)
+    if options.layers != "none":
+        content = layered(items, options.layers, style, numbered=True)
     else:
-        content = layered(marks, options.layers, style, numbered=True)
-    return document(content, drawing.size, options, mm=True)
+        content = [Element("g", style, tuple(item.element for item in items))] if items else []
+    return document(content, page, options)
+
+
+def _pen_lines(
+    drawing: Drawing, options: SvgOptions, page: Page, order: list[int]
+) -> list[LayerItem]:
+    """Centre lines on a page in mm, the canvas fitted into it and centred."""
+    strokes, sides, size = drawing.strokes, np.array([page.width, page.height]), drawing.size
+    scale = (sides / size).min()  # mm a pixel
+    corner = 0.5 * (sides - scale * np.array(size))
+    lines = fit_lines(strokes.xy, strokes.offsets, min(options.tolerance, LINE_SLACK))
+    items, digits = [], max(3, len(str(max(len(order) - 1, 0))))
+    for place, i in enumerate(order):
+        line, closed = lines[i][0] * scale + corner, bool(strokes.closed[i])
+        d = line_path(line, max(options.decimals, 2), closed)
+        pen = {"id": f"s{place:0{digits}d}", "stroke": hex_color(drawing.color[i, :3]), "d": d}
+        part = "" if drawing.parts is None else drawing.parts.name(i)
+        items.append(LayerItem(Element("path", pen), KINDS[strokes.kind[i]], part))
+    return items
 
 
 def power_strokes(drawing: Drawing, options: SvgOptions, index: list[int]) -> list[tuple[str, str]]:
@@ -80,9 +87,9 @@ def power_strokes(drawing: Drawing, options: SvgOptions, index: list[int]) -> li
     return made
 
 
-def effect(name: str, offset_points: str) -> str:
+def effect(name: str, offset_points: str) -> Element:
     """Inkscape's path effect of a stroke."""
-    return element(
+    return Element(
         "inkscape:path-effect",
         {
             "effect": "powerstroke", "id": EFFECT + name, "is_visible": "true", "lpeversion": "1.3",

@@ -1,106 +1,121 @@
-"""An SVG document: page, layers, metadata."""
+"""An SVG document: page and layers."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from urllib.parse import quote
 
 from .. import __version__
-from .format import FORMAT, LICENSES, MM_PER_PX, NAMESPACES, RDF, Data, SvgOptions, page_size_mm
-from .markup import element, number, words
+from .format import FORMAT, MM_PER_PX, PART_CLASS, Data, SvgOptions, page_size_mm
+from .markup import Element, number, printable
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page: its sides in mm, and the part of the plane that it shows, in user units, x y width height."""
+
+    width: float
+    height: float
+    box: str
+
+    @classmethod
+    def of_canvas(cls, size: tuple[int, int], options: SvgOptions) -> Page:
+        """The page for a canvas (width, height), whose pixels are user units: the canvas, or fitted and centred."""
+        width, height = size
+        sides = page_size_mm(options.page_size, size)
+        if sides is None:
+            return cls(width * MM_PER_PX, height * MM_PER_PX, f"0 0 {width} {height}")
+        scale = min(sides[0] / width, sides[1] / height)  # mm a pixel
+        across, down = sides[0] / scale, sides[1] / scale
+        box = (-0.5 * (across - width), -0.5 * (down - height), across, down)
+        return cls(*sides, " ".join(number(v, 4) for v in box))
+
+    @classmethod
+    def in_mm(cls, size: tuple[int, int], options: SvgOptions) -> Page:
+        """The page for a canvas (width, height), with millimetres as user units."""
+        page = cls.of_canvas(size, options)
+        box = f"0 0 {number(page.width, 4)} {number(page.height, 4)}"
+        return cls(page.width, page.height, box)
 
 
 def document(
-    content: str,
-    size: tuple[int, int],
+    content: Sequence[Element],
+    page: Page,
     options: SvgOptions,
-    ours: bool = False,
-    mm: bool = False,
-    parts: tuple[str, ...] = (),
+    data: dict[str, str] | None = None,
+    effects: Sequence[Element] = (),
 ) -> str:
-    """The whole file.
+    """Give the text of a whole file.
 
     Parameters
     ----------
-    content : the markup of layers and strokes
-    ours : the file is to be read back
-    mm : that is its user unit
-    parts : the names of the shape's parts, in painting order
+    content : layers or strokes, in painting order
+    data : attributes of the root besides, as `drawing_data` gives them for a file that is to be read back
+    effects : Inkscape's path effects, which paths in `content` name
     """
-    width, height = size
-    page = page_size_mm(options.page_size, size)
-    if page is None:
-        page, box = (width * MM_PER_PX, height * MM_PER_PX), f"0 0 {width} {height}"
-    else:
-        scale = min(page[0] / width, page[1] / height)  # mm a pixel
-        across, down = page[0] / scale, page[1] / scale
-        box = " ".join(
-            number(v, 4) for v in (-0.5 * (across - width), -0.5 * (down - height), across, down)
-        )
-    if mm:
-        box = f"0 0 {number(page[0], 4)} {number(page[1], 4)}"
+    from .tree import Document  # svgwrite takes 50 ms to import
+
     root = {
-        **NAMESPACES,
-        "version": "1.1",
-        "width": number(page[0], 4) + "mm",
-        "height": number(page[1], 4) + "mm",
-        "viewBox": box,
+        "width": number(page.width, 4) + "mm",
+        "height": number(page.height, 4) + "mm",
+        "viewBox": page.box,
         Data.FORMAT: str(FORMAT),
         Data.GENERATOR: f"strokestyle {__version__}",
     }
-    if ours and options.texture == "image":
-        root["style"] = (
-            "image-rendering:smooth"  # the default of other programs; resvg takes three times as long for its own
-        )
-    if ours:
-        root |= {
-            Data.SIZE: f"{width} {height}",
-            Data.PAGE: box,
-            Data.OPTIONS: options.to_text(),
-        }
-    if parts:
-        root[Data.PARTS] = " ".join(quote(name, safe="") for name in parts)
-    head = ""
-    if options.title:
-        head += element("title", {}, words(options.title))
-    if options.description:
-        head += element("desc", {}, words(options.description))
-    if options.license or options.author:
-        head += _metadata(options)
+    made = Document(root | (data or {}))
+    made.describe(options)
     if options.background is not None:
-        x, y, across, down = box.split()
-        sides = {"x": x, "y": y} if (x, y) != ("0", "0") else {}
-        head += element(
-            "rect",
-            {"id": "paper", **sides, "width": across, "height": down, "fill": options.background},
-        )
-    return (
-        '<?xml version="1.0" encoding="utf-8"?>'
-        + element("svg", root, head + content + "\n")
-        + "\n"
-    )
+        made.add_paper(page.box, options.background)
+    made.add_effects(effects)
+    for element in content:
+        made.add_element(element)
+    return made.text()
+
+
+def drawing_data(
+    size: tuple[int, int], page: Page, options: SvgOptions, parts: Sequence[str]
+) -> dict[str, str]:
+    """What the root says of a drawing, so that it can be read back; `parts` are the shape's, in painting order."""
+    data = {
+        Data.SIZE: f"{size[0]} {size[1]}",
+        Data.PAGE: page.box,
+        Data.OPTIONS: options.to_text(),
+    }
+    if options.texture == "image":
+        # the default of other programs; resvg takes three times as long for its own
+        data["style"] = "image-rendering:smooth"
+    if parts:
+        data[Data.PARTS] = " ".join(quote(name, safe="") for name in parts)
+    return data
 
 
 @dataclass(frozen=True)
 class LayerItem:
-    """The markup of a stroke or a curve, its kind, and the part of the shape that it belongs to, "" for none."""
+    """The element of a stroke or a curve, its kind, and the part of the shape that it belongs to, "" for none."""
 
-    markup: str
+    element: Element
     kind: str
     part: str = ""
 
+    def place(self, layers: str) -> tuple[str, str]:
+        """The (part, kind) of its outer layer."""
+        if layers == "part":
+            return (self.part, "" if self.part else self.kind)
+        return ("", self.kind)
+
 
 def layered(
-    marks: list[LayerItem],
+    items: Sequence[LayerItem],
     layers: str,
     style: dict[str, str] | None = None,
     prefix: str = "",
     numbered: bool = False,
-) -> str:
-    """Marks, which lie in painting order, in Inkscape layers.
+) -> list[Element]:
+    """Put items, which lie in painting order, in Inkscape layers.
 
     Parameters
     ----------
@@ -109,40 +124,47 @@ def layered(
     prefix : of the names of kinds
     numbered : labels of the outer layers begin with 1, 2 ...
     """
-    slugs, content = _slugs({mark.part for mark in marks}), []
-
-    def outer(mark):
-        return (mark.part, "" if mark.part else mark.kind) if layers == "part" else ("", mark.kind)
-
-    for n, (place, members) in enumerate(groupby(marks, outer), 1):
-        inside = []
-        for (part, kind), mine in groupby(members, lambda mark: (mark.part, mark.kind)):
-            markup = "".join(mark.markup for mark in mine)
-            name = f"layer-{prefix}{kind}-{slugs[part]}"
-            if (part, kind) == place:
-                inside.append(markup)
-            elif layers == "part":
-                inside.append(_layer(name, kind, kind, {}, markup))
-            else:  # its label may hold the name of another kind
-                inside.append(_layer(name, "part", part, {Data.CLASS: kind}, markup))
+    slugs, outer = _slugs({item.part for item in items}), []
+    for n, (place, members) in enumerate(groupby(items, lambda item: item.place(layers)), 1):
         part, kind = place
-        name, of, label = f"part-{slugs[part]}", "part", part
-        if not part:
+        if part:
+            name, of, label = f"part-{slugs[part]}", PART_CLASS, part
+        else:
             name, of, label = f"layer-{prefix}{kind}", prefix + kind, prefix + kind
-        content.append(
-            _layer(name, of, f"{n} {label}" if numbered else label, style or {}, "".join(inside))
-        )
-    return "".join(content)
+        label = f"{n} {label}" if numbered else label
+        inside = _inner_layers(members, place, f"layer-{prefix}", slugs)
+        outer.append(_layer(name, of, label, style or {}, inside))
+    return outer
 
 
-def _layer(name: str, of: str, label: str, more: dict[str, str], content: str) -> str:
-    given = {"id": name, "class": of, "inkscape:groupmode": "layer", "inkscape:label": label}
-    return element("g", given | more, content)
+def _inner_layers(
+    members: Iterable[LayerItem], place: tuple[str, str], prefix: str, slugs: dict[str, str]
+) -> list[Element]:
+    """What lies in an outer layer of (part, kind): its items, and layers of those of another part or kind."""
+    inside: list[Element] = []
+    for (part, kind), mine in groupby(members, lambda item: (item.part, item.kind)):
+        elements = [item.element for item in mine]
+        name = f"{prefix}{kind}-{slugs[part]}"
+        if (part, kind) == place:
+            inside += elements
+        elif place[0]:
+            inside.append(_layer(name, kind, kind, {}, elements))
+        else:  # its label may hold the name of another kind
+            inside.append(_layer(name, PART_CLASS, part, {Data.CLASS: kind}, elements))
+    return inside
+
+
+def _layer(
+    name: str, of: str, label: str, more: dict[str, str], content: Sequence[Element]
+) -> Element:
+    given = {"id": name, "class": of, "inkscape:groupmode": "layer"}
+    return Element("g", given | {"inkscape:label": printable(label)} | more, tuple(content))
 
 
 def _slugs(parts: set[str]) -> dict[str, str]:
     """What ids are made of for the names of parts: each another, but for "" which has none."""
-    slugs, used, last = {"": ""}, set(), {}
+    slugs, used = {"": ""}, set()
+    last: dict[str, int] = {}
     for part in sorted(parts - {""}):
         letters = unicodedata.normalize("NFKD", part).encode("ascii", "ignore").decode()
         short = re.sub(r"[^A-Za-z0-9_.]+", "-", letters)[:40].strip("-") or "unnamed"
@@ -153,28 +175,3 @@ def _slugs(parts: set[str]) -> dict[str, str]:
         slugs[part] = slug
         used.add(slug)
     return slugs
-
-
-def _metadata(options: SvgOptions) -> str:
-    """Author and licence as Creative Commons has them in RDF, where Inkscape looks for them."""
-    work = element("dc:format", {}, "image/svg+xml")
-    if options.title:
-        work += element("dc:title", {}, words(options.title))
-    if options.author:
-        work += element(
-            "dc:creator",
-            {},
-            element("cc:Agent", {}, element("dc:title", {}, words(options.author))),
-        )
-    url = LICENSES.get(options.license.upper(), options.license)
-    if re.fullmatch(r"https?://\S+", url):
-        work += element("cc:license", {"rdf:resource": url})
-    elif options.license:
-        work += element(
-            "dc:rights",
-            {},
-            element("cc:Agent", {}, element("dc:title", {}, words(options.license))),
-        )
-    return element(
-        "metadata", {}, element("rdf:RDF", RDF, element("cc:Work", {"rdf:about": ""}, work))
-    )

@@ -26,13 +26,9 @@ LICENSES = {
     },
 }
 
-NAMESPACES = {
-    "xmlns": "http://www.w3.org/2000/svg",
-    "xmlns:xlink": "http://www.w3.org/1999/xlink",
-    "xmlns:inkscape": "http://www.inkscape.org/namespaces/inkscape",
-}
+INKSCAPE_NAMESPACE = "http://www.inkscape.org/namespaces/inkscape"
 
-RDF = {
+RDF_NAMESPACES = {
     "xmlns:rdf": "http://www.w3.org/1999/02/22-rdf-syntax-ns#",
     "xmlns:cc": "http://creativecommons.org/ns#",
     "xmlns:dc": "http://purl.org/dc/elements/1.1/",

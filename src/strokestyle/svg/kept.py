@@ -1,4 +1,4 @@
-"""Strokes as elements of a document, and those of a file that are written again as they were."""
+"""Strokes as a file draws them, and those that are written again as they were."""
 
 from __future__ import annotations
 
@@ -11,15 +11,7 @@ from scipy import ndimage
 
 from ..drawing.strokes import Drawing
 from .format import SvgOptions
-
-
-@dataclass(frozen=True)
-class Element:
-    """An element of an SVG document: its tag, its attributes, and the elements in it."""
-
-    tag: str
-    attributes: dict[str, str]
-    children: tuple[Element, ...] = ()
+from .markup import Element
 
 
 @dataclass(frozen=True)

@@ -1,44 +1,24 @@
-"""Numbers, paths and elements as SVG text."""
+"""Elements of a document, and the numbers and path data in their attributes as text."""
 
 from __future__ import annotations
 
 import functools
-from xml.sax.saxutils import escape
+from dataclasses import dataclass
 
 import numpy as np
 
 
-def element(name: str, attributes: dict[str, str], content: str = "") -> str:
-    """One element on a line of its own: files go under version control, and text editors open them.
+@dataclass(frozen=True)
+class Element:
+    """An element of an SVG document: its tag, its attributes, and the elements in it."""
 
-    `content` is markup, as this function or `words` gives it.
-    """
-    given = "".join(attribute(key, value) for key, value in attributes.items())
-    return f"\n<{name}{given}>{content}</{name}>" if content else f"\n<{name}{given}/>"
-
-
-def words(text: str) -> str:
-    """Text as an element's content."""
-    return escape(printable(text))
-
-
-def attribute(key: str, value: str) -> str:
-    """An attribute as it stands in a tag, with the space before it."""
-    return f' {key}="{_value(value)}"'
-
-
-def _value(value: str) -> str:
-    if value.isascii() and value.isprintable():  # all but names: no need to look at every character
-        return (
-            escape(value, {'"': "&quot;"})
-            if '"' in value or "&" in value or "<" in value
-            else value
-        )
-    return escape(printable(value), {'"': "&quot;", "\n": "&#10;", "\t": "&#9;"})
+    tag: str
+    attributes: dict[str, str]
+    children: tuple[Element, ...] = ()
 
 
 def printable(text: str) -> str:
-    """Text without what XML 1.0 cannot hold; markup characters are escaped by `element` and `words`."""
+    """Leave out what XML 1.0 cannot hold; markup characters are escaped where text is made of a tree."""
     return "".join(
         c
         for c in text

@@ -21,8 +21,9 @@ from ..geometry.curves import KINDS, arc, arc_length, kind_named
 from ..geometry.parts import Parts, part_name
 from .centre_lines import EFFECT
 from .format import FORMAT, LICENSES, LIMITS, STROKE_CLASS, Data, SvgOptions
-from .kept import DrawnStroke, Element, Kept, keep_strokes
+from .kept import DrawnStroke, Kept, keep_strokes
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
+from .markup import Element
 from .path_data import page_length, parse_numbers, parse_path, parse_transform
 from .read_texture import (
     CHORD,

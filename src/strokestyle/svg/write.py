@@ -15,13 +15,14 @@ import resvg_py
 
 from ..drawing.outline import outlines
 from ..drawing.ribbon import overlaps, ribbon
-from ..drawing.strokes import Drawing, Strokes, paint_order
+from ..drawing.strokes import Drawing, Strokes, order_of_kinds, paint_order
 from ..files import write_bytes
 from ..geometry.curves import KINDS, Curves, arc_length, simplify_all
 from ..geometry.parts import Parts
 from .centre_lines import EFFECT, effect, plotter_svg, power_strokes
-from .document import LayerItem, document, layered
+from .document import LayerItem, Page, document, drawing_data, layered
 from .format import (
+    CURVE_CLASS,
     MARGIN_DECIMALS,
     PATH_SLACK,
     STRIP_LEVELS,
@@ -34,9 +35,9 @@ from .format import (
 )
 from .images import stroke_images
 from .ink import inks
-from .kept import DrawnStroke, Element, Kept, kept_strokes
+from .kept import DrawnStroke, Kept, kept_strokes
 from .landmarks import enclosed, fine_line, first_line, landmarks
-from .markup import element, hex_color, number, numbers, polyline_path, rings_path, units
+from .markup import Element, hex_color, number, numbers, polyline_path, printable, rings_path, units
 from .strip_image import strips_png
 from .tones import tone_paths, tones
 
@@ -86,20 +87,24 @@ def write_svg(
         strokes |= {i: _with_attributes(strokes[i], strip) for i, strip in told.items()}
     names = _names(order, ids, drawing.parts is not None)
     items = [_item(drawing, i, names[i], strokes[i]) for i in order.tolist()]
-    effects = "".join(
+    layers = options.layers
+    content = [item.element for item in items] if layers == "none" else layered(items, layers)
+    effects = [
         effect(names[i], strokes[i].offset_points)
         for i in order.tolist()
         if strokes[i].offset_points
-    )
-    none = options.layers == "none"
-    content = "".join(item.markup for item in items) if none else layered(items, options.layers)
-    if effects:
-        content = element("defs", {}, effects) + content
+    ]
+    page = Page.of_canvas(drawing.size, options)
+    data = drawing_data(drawing.size, page, options, _used_parts(drawing, items))
+    return document(content, page, options, data, effects)
+
+
+def _used_parts(drawing: Drawing, items: list[LayerItem]) -> list[str]:
+    """The names of the parts that have strokes, in painting order."""
+    if drawing.parts is None:
+        return []
     used = {item.part for item in items}
-    parts = (
-        () if drawing.parts is None else tuple(name for name in drawing.parts.names if name in used)
-    )
-    return document(content, drawing.size, options, ours=True, parts=parts)
+    return [name for name in drawing.parts.names if name in used]
 
 
 def _with_attributes(stroke: DrawnStroke, more: dict[str, str]) -> DrawnStroke:
@@ -135,16 +140,14 @@ def _told_strips(
 
 def _item(drawing: Drawing, i: int, name: str, stroke: DrawnStroke) -> LayerItem:
     part = "" if drawing.parts is None else drawing.parts.name(i)
-    given = {"id": name, "class": STROKE_CLASS, **({Data.PART: part} if part else {})}
-    given |= stroke.element.attributes
+    given = {"id": name, "class": STROKE_CLASS, **stroke.element.attributes}
+    if part:
+        given[Data.PART] = printable(part)
     if stroke.offset_points:
         given["inkscape:path-effect"] = f"#{EFFECT}{name}"
-    markup = _text(replace(stroke.element, attributes=given))
-    return LayerItem(markup, KINDS[drawing.strokes.kind[i]], part)
-
-
-def _text(item: Element) -> str:
-    return element(item.tag, item.attributes, "".join(_text(child) for child in item.children))
+    return LayerItem(
+        replace(stroke.element, attributes=given), KINDS[drawing.strokes.kind[i]], part
+    )
 
 
 def resolve_texture(drawing: Drawing, options: SvgOptions) -> SvgOptions:
@@ -235,32 +238,33 @@ def plain_svg(
     options = SvgOptions(
         decimals=decimals, title=title, description=description, background=background
     )
-    pen = {"fill": "none", "stroke": "#000000", "stroke-width": "1", "stroke-linecap": "round"}
-    pen["stroke-linejoin"] = "round"
-    content = ""
+    pen = {
+        "fill": "none",
+        "stroke": "#000000",
+        "stroke-width": "1",
+        "stroke-linecap": "round",
+        "stroke-linejoin": "round",
+    }
+    dashes = {"stroke-width": "0.5", "stroke-linecap": "butt", "stroke-dasharray": "4 2.5"}
+    content: list[Element] = []
     if hidden is not None and len(hidden):
-        dashes = pen | {
-            "stroke-width": "0.5",
-            "stroke-linecap": "butt",
-            "stroke-dasharray": "4 2.5",
-        }
-        marks = _plain_marks(hidden, hidden_parts, "h", decimals)
-        content += layered(marks, "kind", dashes | {Data.HIDDEN: "1"}, prefix="hidden-")
-    content += layered(_plain_marks(curves, parts, "k", decimals), "kind", pen)
-    return document(content, size, options)
+        items = _curve_items(hidden, hidden_parts, "h", decimals)
+        content += layered(items, "kind", pen | dashes | {Data.HIDDEN: "1"}, prefix="hidden-")
+    content += layered(_curve_items(curves, parts, "k", decimals), "kind", pen)
+    return document(content, Page.of_canvas(size, options), options)
 
 
-def _plain_marks(
+def _curve_items(
     curves: Curves, parts: Parts | None, letter: str, decimals: int
 ) -> list[LayerItem]:
-    """Curves as path elements, the most important kind last, so that it lies on top."""
-    marks, digits = [], max(3, len(str(max(len(curves) - 1, 0))))
-    index = np.zeros(len(curves)) if parts is None else parts.index
-    for place, i in enumerate(np.lexsort((index, -curves.kind.astype(np.int64))).tolist()):
+    """Curves as path elements in painting order, their ids of a letter and a number."""
+    items, digits = [], max(3, len(str(max(len(curves) - 1, 0))))
+    for place, i in enumerate(order_of_kinds(curves.kind, parts).tolist()):
         d = polyline_path(curves[i], decimals, bool(curves.closed[i]))
-        path = element("path", {"id": f"{letter}{place:0{digits}d}", "d": d, "class": "curve"})
-        marks.append(LayerItem(path, KINDS[curves.kind[i]], "" if parts is None else parts.name(i)))
-    return marks
+        given = {"id": f"{letter}{place:0{digits}d}", "class": CURVE_CLASS, "d": d}
+        part = "" if parts is None else parts.name(i)
+        items.append(LayerItem(Element("path", given), KINDS[curves.kind[i]], part))
+    return items
 
 
 def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#ffffff") -> bytes:
