@@ -22,7 +22,7 @@ from commands import EXAMPLES, measure
 
 os.environ.setdefault(
     "OMP_WAIT_POLICY", "PASSIVE"
-)  # as strokestyle/cli.py, for the reason given there; for children
+)  # as strokestyle/cli/__init__.py, for the reason given there; for children
 os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 PROCESS = Path(__file__).resolve()

@@ -14,7 +14,7 @@ from pathlib import Path
 
 os.environ.setdefault(
     "OMP_WAIT_POLICY", "PASSIVE"
-)  # as strokestyle/cli.py, for the reason given there
+)  # as strokestyle/cli/__init__.py, for the reason given there
 os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 import numpy as np

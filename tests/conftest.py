@@ -1,4 +1,4 @@
-"""Set before anything imports torch, for the reason that strokestyle/cli.py gives."""
+"""Set before anything imports torch, for the reason that strokestyle/cli/__init__.py gives."""
 
 import os
 

@@ -7,7 +7,7 @@ import os
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +59,17 @@ def check_writable(path: str | Path) -> None:
         raise FileNotFoundError(f"{path}: there is no folder {path.parent}; make it first")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise PermissionError(f"{path}: the folder {path.parent} cannot be written")
+
+
+def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
+    """Check that a file can be written and that none of the inputs is overwritten by it.
+
+    Raises OSError where it cannot be written, ValueError where it is an input; either names `path`.
+    """
+    check_writable(path)
+    for source in inputs:
+        if Path(path).exists() and Path(source).exists() and os.path.samefile(path, source):
+            raise ValueError(f"{path}: is the input; give the output another name")
 
 
 def _umask() -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Any
 
 import click
 
@@ -22,7 +23,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 class Group(click.Group):
     """The one place that turns errors for the person into one line and exit code 1."""
 
-    def invoke(self, ctx):
+    def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
         except (click.exceptions.Exit, click.ClickException, click.Abort):
@@ -42,7 +43,7 @@ class Group(click.Group):
     cls=Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110}
 )
 @click.version_option(__version__, prog_name="strokestyle")
-def main():
+def main() -> None:
     """Learn how an artist draws lines from ONE drawing of a 3D shape, and draw any other shape in
     that hand.
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from .messages import say, timed
 from .options import TEXTURES, common_options, file_options, seed_option
-from .outputs import STANDARD_OUTPUT, SVG_SUFFIXES, check_outputs, write_preview, write_svg_text
+from .outputs import STANDARD_OUTPUT, check_outputs, write_preview, write_svg_text
 
 if TYPE_CHECKING:
     from ..svg.read import SvgFile
@@ -32,7 +32,7 @@ class EditText(click.ParamType):
     def __init__(self, edit: str, name: str):
         self.edit, self.name = edit, name
 
-    def convert(self, value, param, ctx) -> Edit:
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> Edit:
         from .edit_text import parse_edit
 
         try:
@@ -42,12 +42,7 @@ class EditText(click.ParamType):
 
 
 class EditOption(click.Option):
-    """An option that is an edit; it may be given several times, and the order tells."""
-
-    def __init__(self, declarations, **settings):
-        metavar = settings["metavar"]
-        super().__init__(declarations, multiple=True, **settings)
-        self.type = EditText(str(self.name), metavar)
+    """An option that is an edit: its place among the others of its class tells."""
 
 
 class EditCommand(click.Command):
@@ -56,7 +51,7 @@ class EditCommand(click.Command):
     click gives each option's values apart, so its parser is asked for the order of the options.
     """
 
-    def parse_args(self, ctx, args):
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         _, _, order = self.make_parser(ctx).parse_args(list(args))
         rest = super().parse_args(ctx, args)
         options = [option for option in self.params if isinstance(option, EditOption)]
@@ -70,8 +65,14 @@ class EditCommand(click.Command):
         return rest
 
 
-def edit_option(name: str, metavar: str, text: str):
-    return click.option(f"--{name}", cls=EditOption, metavar=metavar, help=text)
+def edit_option(
+    name: str, metavar: str, text: str
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Decorate a command with an edit that may be given several times."""
+    edit_type = EditText(name, metavar)
+    return click.option(
+        f"--{name}", cls=EditOption, type=edit_type, multiple=True, metavar=metavar, help=text
+    )
 
 
 @click.command(
@@ -128,7 +129,15 @@ Examples:
 @file_options
 @seed_option
 @common_options
-def edit(drawing, output, edits, texture, png, seed, **options):
+def edit(
+    drawing: str,
+    output: str,
+    edits: list[GivenEdit],
+    texture: str | None,
+    png: bool,
+    seed: int,
+    **options: Any,
+) -> None:
     """Change an SVG that render wrote, and perhaps others worked on; edits are made in the order in
     which they stand.
 
@@ -136,6 +145,8 @@ def edit(drawing, output, edits, texture, png, seed, **options):
     (text, shapes of your own), and clips, gradients and filters on strokes are not kept. IN.svg may
     be - for standard input. Points and sizes are pixels of the drawing.
     """
+    from ..render.batch import SVG_SUFFIXES
+
     if output != STANDARD_OUTPUT and Path(output).suffix.lower() not in SVG_SUFFIXES:
         raise click.UsageError(f"{output}: edit writes .svg or .svgz")
     if png and output == STANDARD_OUTPUT:

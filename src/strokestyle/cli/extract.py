@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -49,7 +49,7 @@ Examples:
 @line_options
 @curve_options
 @common_options
-def extract(shape, outputs, **options):
+def extract(shape: str, outputs: tuple[str, ...], **options: Any) -> None:
     """Find the feature curves of SHAPE and write them.
 
     \b

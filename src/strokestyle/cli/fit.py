@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -73,7 +73,17 @@ Examples:
 @line_options
 @curve_options
 @common_options
-def fit(drawing, shape, output, preset, minutes, resume, seed, device, **options):
+def fit(
+    drawing: str,
+    shape: str,
+    output: str,
+    preset: str,
+    minutes: float | None,
+    resume: bool,
+    seed: int,
+    device: str,
+    **options: Any,
+) -> None:
     """Learn a style from DRAWING, an artist's drawing of SHAPE.
 
     The drawing (PNG, JPEG, TIFF) is one made over the sheet of `strokestyle extract`, with the same

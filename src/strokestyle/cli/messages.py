@@ -34,7 +34,7 @@ class timed:
     def __enter__(self) -> None:
         self.start = time.perf_counter()
 
-    def __exit__(self, *error) -> None:
+    def __exit__(self, *error: object) -> None:
         if error[0] is None:
             say(f"  {self.name}: {time.perf_counter() - self.start:.2f} s", level=1)
 

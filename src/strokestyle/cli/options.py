@@ -28,7 +28,9 @@ class Size(click.ParamType):
 
     name = "PX|WxH"
 
-    def convert(self, value, param, ctx) -> tuple[int, int]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
         if isinstance(value, tuple):
             return value
         parts = str(value).lower().split("x")
@@ -49,7 +51,7 @@ class ViewName(click.ParamType):
 
     name = "NAME|AZ,EL"
 
-    def convert(self, value, param, ctx) -> str:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         from ..extract.camera import parse_view
 
         try:
@@ -64,7 +66,9 @@ class Kinds(click.ParamType):
 
     name = "KIND,..."
 
-    def convert(self, value, param, ctx) -> tuple[str, ...]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
         if isinstance(value, tuple):
             return value
         names = tuple(part.strip() for part in value.split(",") if part.strip())
@@ -86,7 +90,9 @@ class Detail(click.ParamType):
 
     name = "N|LOW..HIGH"
 
-    def convert(self, value, param, ctx) -> tuple[float, float]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float]:
         from ..extract.line_options import LEAST_DETAIL, MOST_DETAIL
 
         if isinstance(value, tuple):
@@ -145,7 +151,7 @@ class OptionGroup:
         return [self.flags[name] for name in self.given(values)]
 
 
-def _set_verbosity(ctx, param, value) -> None:
+def _set_verbosity(ctx: click.Context, param: click.Parameter, value: bool) -> None:
     if value:
         ctx.meta[VERBOSITY] = -1 if param.name == "quiet" else 1
 

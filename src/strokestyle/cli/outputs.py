@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import click
 
 STANDARD_OUTPUT = "-"
-SVG_SUFFIXES = (".svg", ".svgz")
 
 
-def check_outputs(outputs: Iterable[str], inputs: Iterable[str]) -> None:
+def check_outputs(outputs: Iterable[str], inputs: Sequence[str]) -> None:
     """Check, before any work, that every output can be written and that none is an input.
 
     Raises OSError where one cannot be written, ValueError where one is an input; either names it.
     """
-    from ..files import check_writable
+    from ..files import check_output
 
-    sources = [source for source in inputs if Path(source).exists()]
     for output in outputs:
-        if output == STANDARD_OUTPUT:
-            continue
-        check_writable(output)
-        for source in sources:
-            if Path(output).exists() and os.path.samefile(output, source):
-                raise ValueError(f"{output}: is the input; give the output another name")
+        if output != STANDARD_OUTPUT:
+            check_output(output, inputs)
 
 
 def write_svg_text(output: str, text: str) -> None:

@@ -32,7 +32,7 @@ class ProgressDisplay:
             self.bars.start()
         return self
 
-    def __exit__(self, *error) -> None:
+    def __exit__(self, *error: object) -> None:
         if self.bars:
             self.bars.stop()
 

@@ -123,17 +123,31 @@ Examples:
 @line_options
 @curve_options
 @common_options
-def render(model, shapes, output, jobs, png, png_scale, stages, seed, device, texture, **options):
+def render(
+    model: str,
+    shapes: tuple[str, ...],
+    output: str | None,
+    texture: str,
+    png: bool,
+    png_scale: float,
+    stages: str | None,
+    jobs: int,
+    seed: int,
+    device: str,
+    **options: Any,
+) -> None:
     """Draw SHAPES in the hand of MODEL, one SVG each.
 
     A folder stands for all the meshes and views in it. Where one of several shapes cannot be drawn,
     the others are, and the exit code is 1.
     """
-    if output is None and not stages:
-        raise click.UsageError("nothing to write: give -o OUT.svg, or --stages DIR")
+    target = output
     if stages:
         Path(stages).mkdir(parents=True, exist_ok=True)
-    batch = plan(shapes, output or os.path.join(stages, ""))
+        target = output or os.path.join(stages, "")
+    if target is None:
+        raise click.UsageError("nothing to write: give -o OUT.svg, or --stages DIR")
+    batch = plan(shapes, target)
     if output == STANDARD_OUTPUT and (png or options["turntable"]):
         raise click.UsageError(
             "standard output takes one SVG: no --png and no --turntable with -o -"

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from ..extract.view import View
     from ..mesh.surface import Surface
 
-VIEW_SUFFIX = ".npz"
-
 
 class Shape:
     """A mesh, or a view that extract saved, and how the options want to see it.
@@ -40,8 +38,10 @@ class Shape:
     """
 
     def __init__(self, path: str, options: Mapping[str, Any]):
+        from ..render.batch import VIEW_SUFFIXES
+
         self.path, self.options = path, options
-        self.is_view = Path(path).suffix.lower() == VIEW_SUFFIX
+        self.is_view = Path(path).suffix.lower() in VIEW_SUFFIXES
         self.has_own_curves = not (self.is_view or options.get("curves"))
         _refuse_two_cameras(options)
         if options.get("hidden") and not self.has_own_curves:

@@ -30,7 +30,7 @@ Examples:
 )
 @click.option("--open", "show", is_flag=True, help="Show it in the browser.")
 @common_options
-def view(files, output, show):
+def view(files: tuple[str, ...], output: str, show: bool) -> None:
     """Write a page on which to look at FILES and play with them.
 
     FILES are SVGs that render or edit wrote, and - is standard input. The page is one HTML file

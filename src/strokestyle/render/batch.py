@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ..files import check_writable
+from ..files import check_output
 
 # What a folder of shapes is searched for.
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".dae", ".xyz", ".wrl")
@@ -72,7 +72,7 @@ def plan_outputs(shapes: Sequence[str], output: str) -> list[Job]:
         _refuse_two_to_one(jobs)
         folder.mkdir(parents=True, exist_ok=True)
     for job in jobs:
-        _check_output(job.output, found)
+        check_output(job.output, found)
     return jobs
 
 
@@ -116,10 +116,3 @@ def _refuse_two_to_one(jobs: list[Job]) -> None:
                 "draw them into two folders"
             )
         taken[output] = shape
-
-
-def _check_output(output: str, inputs: Sequence[str]) -> None:
-    check_writable(output)
-    for source in inputs:
-        if Path(output).exists() and Path(source).exists() and os.path.samefile(output, source):
-            raise ValueError(f"{output}: is the input; give the output another name")
