@@ -1,4 +1,7 @@
-"""What a long fit leaves on disk as it goes, so that one that was stopped goes on and ends with the same weights."""
+"""Keep the state of a long fit on disk as it goes.
+
+One that was stopped goes on from there, and ends with the same weights as one that was not.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,15 @@ import torch
 from ..files import write_bytes
 
 FORMAT = 2
+# what torch.load and the reading of what it returns raise on files that are no checkpoints
+DAMAGE = (
+    RuntimeError, pickle.UnpicklingError, EOFError, LookupError, ValueError, TypeError,
+    AttributeError, OverflowError, zipfile.BadZipFile,
+)  # fmt: skip
+WRITING = 50  # times as long as a write took is at least waited until the next one
+
+Learned = torch.nn.Module | torch.Tensor
+Training = torch.optim.Optimizer | torch.optim.lr_scheduler.LRScheduler
 
 
 class Checkpoint:
@@ -54,12 +66,9 @@ class Checkpoint:
             payload = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
             form, found = payload["format"], dict(payload["key"])
             choices, stages = dict(payload["choices"]), dict(payload["stages"])
-        except (
-            RuntimeError, pickle.UnpicklingError, EOFError, LookupError, ValueError, TypeError, AttributeError,
-            OverflowError, zipfile.BadZipFile,
-        ):  # fmt: skip
+        except DAMAGE:
             raise ValueError(
-                f"{self.path}: a damaged checkpoint, or none at all: remove it, or start afresh without --resume"
+                f"{self.path}: a damaged checkpoint, or none at all: remove it, or start afresh"
             ) from None
         changed = [
             _difference(name, found.get(name), key[name])
@@ -71,7 +80,7 @@ class Checkpoint:
         if changed:
             raise ValueError(
                 f"{self.path}: the checkpoint of another fit ({', '.join(changed)}): "
-                "repeat what was given then, or start afresh without --resume"
+                "repeat what was given then, or start afresh"
             )
         self._choices, self._stages = choices, stages
 
@@ -86,7 +95,10 @@ class Checkpoint:
         return self._stages.get(stage)
 
     def save(self, stage: str, state: dict) -> None:
-        """Keep a state: tensors, numbers, strings, and dicts and lists of them. The file is replaced whole."""
+        """Keep a state: tensors, numbers, strings, and dicts and lists of them.
+
+        The file is replaced whole.
+        """
         if self.path is None:
             return
         start = time.monotonic()
@@ -110,15 +122,16 @@ class Checkpoint:
         self,
         stage: str,
         steps: int,
-        learned: dict,
-        training: dict,
+        learned: dict[str, Learned],
+        training: dict[str, Training],
         rng: np.random.Generator | None = None,
     ) -> Iterator[tuple[Iterator[int], Callable[[], None]]]:
-        """A stage of `steps` steps, put back to where it stood: the steps still to do, and what to call after each.
+        """Put a stage of `steps` steps back to where it stood.
 
-        That call is where the state is kept when due. Ctrl-C and SIGTERM wait for it, and then are a KeyboardInterrupt
-        (a second one does not wait), so that what is left on disk is always a state that an undisturbed fit passes
-        through.
+        Yields the steps still to do, and what to call after each. That call is where the state is
+        kept when due. Ctrl-C and SIGTERM wait for it, and then are a KeyboardInterrupt (a second
+        one does not wait), so that what is left on disk is always a state that an undisturbed fit
+        passes through.
 
         Parameters
         ----------
@@ -126,56 +139,79 @@ class Checkpoint:
         training : optimisers and schedules by name, not needed once the stage is over
         rng : the generator that the steps draw from
         """
+        state = _Stage(steps, learned, training, rng)
         known = self.load(stage)
-        done = 0
         if known is not None:
-            done = known["step"]
-            for name, part in learned.items():
-                _restore(part, known["learned"][name])
-            for name, part in training.items() if done < steps else ():
-                part.load_state_dict(known["training"][name])
-            if rng is not None:
-                rng.bit_generator.state = json.loads(known["rng"])
-
-        def keep() -> None:
-            state = {
-                "step": done,
-                "learned": {name: _state(part) for name, part in learned.items()},
-            }
-            state["training"] = (
-                {name: part.state_dict() for name, part in training.items()} if done < steps else {}
-            )
-            state["rng"] = None if rng is None else json.dumps(rng.bit_generator.state)
-            self.save(stage, state)
-
-        def remaining() -> Iterator[int]:
-            nonlocal whole
-            for step in range(done + 1, steps + 1):
-                whole = False
-                yield step
+            state.restore(known)
 
         def passed() -> None:
-            nonlocal done, whole
-            done, whole = done + 1, True
+            state.step_done()
             if stop.asked:
                 raise KeyboardInterrupt
-            if time.monotonic() - self._written > max(self.every, 50 * self._took):
-                keep()
+            if time.monotonic() - self._written > max(self.every, WRITING * self._took):
+                self.save(stage, state.kept())
 
-        before, whole = done, False
+        before = state.done
         with _Stop(self.path is not None) as stop:
             try:
-                yield remaining(), passed
+                yield state.remaining(), passed
             except KeyboardInterrupt:
-                if whole:
-                    keep()
+                if state.whole:
+                    self.save(stage, state.kept())
                 raise
-        if done > before:
-            keep()
+        if state.done > before:
+            self.save(stage, state.kept())
+
+
+class _Stage:
+    """How far a stage is, and what it learns; `whole` between two steps, False within one."""
+
+    def __init__(
+        self,
+        steps: int,
+        learned: dict[str, Learned],
+        training: dict[str, Training],
+        rng: np.random.Generator | None,
+    ):
+        self.steps, self.learned, self.training, self.rng = steps, learned, training, rng
+        self.done, self.whole = 0, False
+
+    def restore(self, known: dict) -> None:
+        """Put everything back to a state that `kept` returned."""
+        self.done = known["step"]
+        for name, part in self.learned.items():
+            _restore(part, known["learned"][name])
+        if self.done < self.steps:
+            for name, optimiser in self.training.items():
+                optimiser.load_state_dict(known["training"][name])
+        if self.rng is not None:
+            self.rng.bit_generator.state = json.loads(known["rng"])
+
+    def kept(self) -> dict:
+        """The state; what only training needs is left out once the stage is over."""
+        training = self.training.items() if self.done < self.steps else ()
+        return {
+            "step": self.done,
+            "learned": {name: _state(part) for name, part in self.learned.items()},
+            "training": {name: part.state_dict() for name, part in training},
+            "rng": None if self.rng is None else json.dumps(self.rng.bit_generator.state),
+        }
+
+    def remaining(self) -> Iterator[int]:
+        """The steps still to do, from 1."""
+        for step in range(self.done + 1, self.steps + 1):
+            self.whole = False
+            yield step
+
+    def step_done(self) -> None:
+        self.done, self.whole = self.done + 1, True
 
 
 class _Stop:
-    """Within it the first Ctrl-C, or SIGTERM, only sets `asked`; where these are not ours to change, all stays."""
+    """Within it the first Ctrl-C, or SIGTERM, only sets `asked`.
+
+    Where these are not ours to change, all stays.
+    """
 
     def __init__(self, wanted: bool):
         main = threading.current_thread() is threading.main_thread()
@@ -217,11 +253,11 @@ def _difference(name: str, found: str | None, wanted: str) -> str:
     return f"{name} {found}, not {wanted}" if short else f"another {name}"
 
 
-def _state(part):
+def _state(part: Learned) -> torch.Tensor | dict:
     return part.detach() if isinstance(part, torch.Tensor) else part.state_dict()
 
 
-def _restore(part, state) -> None:
+def _restore(part: Learned, state) -> None:
     if isinstance(part, torch.Tensor):
         part.data.copy_(state)
     else:

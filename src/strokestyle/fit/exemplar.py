@@ -1,8 +1,9 @@
-"""The artist's drawing, read from any image file: paper told from ink, ink colour from opacity, and a soft stroke mask.
+"""Read the artist's drawing from an image: ink told from paper, and a soft stroke mask.
 
-No paper describes this stage; the paper only asks for "a binary mask, anti-aliased" (sec. 4). What is done here:
-paper = a smooth field of block medians; opacity = the least that explains a pixel's difference from its paper, on a
-scale where the drawing's strongest ink is opaque; mask = that opacity, closed over the grain just as far as it takes.
+No paper describes this stage; the ICCV paper only asks for "a binary mask, anti-aliased" (sec. 4).
+What is done here: the ground is a smooth field of block medians; opacity is the least that explains
+a pixel's difference from its ground, on a scale where the drawing's strongest ink is opaque; the
+mask is that opacity, closed over the grain just as far as it takes.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageOps
@@ -19,20 +21,47 @@ from scipy.spatial import cKDTree
 from .registration import Similarity, register
 
 MAX_PIXELS = 200_000_000
-BLOCK = 48  # px; paper colour is taken per block
-GRAIN_SIGMAS = (
-    0.0,
-    0.7,
-    1.0,
-    1.4,
-    1.8,
-    2.3,
-    2.8,
-)  # px; blurs tried, in order, until the mask holds together
-CUT = 0.33  # of the local peak: near the extent that the eye takes for the stroke, wider than half height
-LITTER, SPECK = 0.004, 40  # share of the mask's area, and px of area, see _litter
+MIN_SIDE = 16  # px, of an image that something can be learned from
+
+# The numbers below were set by hand; no ablation of them is kept.
+
+# paper or transparent
+MIN_CLEAR = 0.4  # share of clear pixels; a clear margin round an opaque sheet is not its paper
+
+# ground
+BLOCK = 48  # px, side of the blocks whose medians are the ground's colour
+BLOCK_OFF, BLOCK_OFF_SPREADS = 0.005, 6.0  # of 1, and medians of all: a block this far off is ink
+GROUND_SIGMA = 0.7  # blocks, Gaussian over their colours
+
+# ink, as opacity in [0, 1]
+MIN_OPACITY = 2.0 / 255.0  # what 8 bits cannot tell from nothing
+GRAIN_SPREADS = 5.0  # median deviations of the ground's grain (3.4 sigma) that are not yet ink
+CLEAN_GROUND = 0.01  # of the floor so found: under it the ground has no grain
+SURE_INK, SURE_INK_FLOORS, INK_REACH = (
+    0.15,
+    2.0,
+    5,
+)  # ink of a grainy ground lies within 5 px of this
+VISIBLE_INK = 0.08  # opacity of what counts as a stroke
+MIN_INK_SHARE, MAX_INK_SHARE = 2e-4, 0.5  # of the sheet, in a drawing of lines
+STRONGEST = 0.98  # quantile of the ink's opacity that is taken for opaque
+FAINT_INK = 0.15  # opacity below which colour leans on the neighbourhood
+STEADY_SIGMA = 2.0  # px, of that neighbourhood
+
+# mask
+GRAIN_SIGMAS = (0.0, 0.7, 1.0, 1.4, 1.8, 2.3, 2.8)  # px; blurs tried, until the mask holds together
+CUT = 0.33  # of the local peak: near the extent that the eye takes for the stroke, wider than half
+FULL = 0.9  # of the local peak: where clean ink, which is not blurred, is all stroke
+PEAK_SIZE, PEAK_SIGMA, MIN_PEAK = 17, 4.0, 0.1  # px, px, opacity: of the local peak
+MAX_LITTER, SPECK = 0.004, 40  # share of the mask's area, and px of area, see _litter
+BLOT, MIN_BLOT = 0.25, 8.0  # of the mask, and px of area: less ink than that is no stroke
+
+# agreement with the curves
 NEAR = 14.0  # px at 768; ink farther than this from every curve does not belong to one
 FAR_REFUSED, FAR_WARNED = 0.45, 0.12  # shares of such ink
+BARE_WARNED = 0.5  # share of the curves without ink
+SAME_PROPORTIONS = 0.005  # logarithm of width by height
+BETTER_LAYOUT = 0.01  # share of far ink by which another layout must be better
 
 
 @dataclass(frozen=True)
@@ -41,11 +70,11 @@ class Exemplar:
 
     Parameters
     ----------
-    rgb : (H, W, 3) float32 in [0, 1], the ink laid on white paper
+    rgb : (H, W, 3) float32 in [0, 1], the ink laid on a white ground
     alpha : (H, W) float32 in [0, 1], opacity of the ink; rgb = alpha * ink + (1 - alpha)
     ink : (H, W, 3) float32, colour of the ink where there is some, white elsewhere
     mask : (H, W) float32, soft stroke mask, 1 = stroke, closed over the grain of the medium
-    paper : (3,) float32, mean colour of the paper that was taken away
+    paper : (3,) float32, mean colour of the ground that was taken away
     """
 
     rgb: np.ndarray
@@ -56,9 +85,9 @@ class Exemplar:
 
     def __post_init__(self):
         shape = np.shape(self.alpha)
-        for name, want in (
-            ("rgb", shape + (3,)), ("alpha", shape), ("ink", shape + (3,)), ("mask", shape), ("paper", (3,))
-        ):  # fmt: skip
+        rgb = shape + (3,)
+        shapes = {"rgb": rgb, "alpha": shape, "ink": rgb, "mask": shape, "paper": (3,)}
+        for name, want in shapes.items():
             value = np.asarray(getattr(self, name), np.float32)
             if value.shape != want or not np.isfinite(value).all():
                 raise ValueError(
@@ -69,18 +98,36 @@ class Exemplar:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How a drawing and the curves lie together."""
+    """How a drawing and the curves lie together.
 
-    far_ink: float  # share of the ink that lies farther than `near` px from every curve
-    bare_curve: float  # share of the curves' length with no ink within `near` px
-    near: float  # px
+    Parameters
+    ----------
+    far_ink : share of the ink that lies farther than `near` from every curve
+    bare_curve : share of the curves' points with no ink within `near`
+    near : px
+    """
+
+    far_ink: float
+    bare_curve: float
+    near: float
 
 
 def read_image(path: str | Path) -> tuple[np.ndarray, bool]:
-    """An image file -> (H, W, 4) float32 straight RGBA in [0, 1], and whether its paper is transparent.
+    """Read an image file.
 
-    PNG, JPEG, TIFF and whatever else pillow reads; 8 or 16 bits, grey, palette, RGB, CMYK, with or without alpha.
-    Raises ValueError, naming the file, where it is not an image, is cut short or too large; OSError where unreadable.
+    PNG, JPEG, TIFF and whatever else pillow reads; 8 or 16 bits, grey, palette, RGB, CMYK, with or
+    without alpha.
+
+    Returns
+    -------
+    (H, W, 4) float32 straight RGBA in [0, 1], and whether its ground is transparent
+
+    Raises
+    ------
+    ValueError
+        naming the file, where it is not an image, is cut short, too large or too small.
+    OSError
+        where it cannot be read.
     """
     path = Path(path)
     if path.is_dir():
@@ -90,27 +137,7 @@ def read_image(path: str | Path) -> tuple[np.ndarray, bool]:
             f"{path}: the file is empty; expected an image of the drawing (PNG, JPEG or TIFF)"
         )
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with Image.open(path) as image:
-                if image.width * image.height > MAX_PIXELS:
-                    raise ValueError(
-                        f"{path}: {image.width} x {image.height} pixels is too large; scale it below "
-                        f"{MAX_PIXELS // 1_000_000} megapixels"
-                    )
-                image.load()
-                image = ImageOps.exif_transpose(image)
-                if (
-                    image.mode.startswith("I") or image.mode == "F"
-                ):  # 16-bit and float greys: pillow would clip them
-                    grey = np.asarray(image, np.float32)
-                    top = 65535.0 if image.mode.startswith("I") else 1.0
-                    grey = np.clip(
-                        grey / (255.0 if grey.max(initial=0) <= 255 and top > 1 else top), 0, 1
-                    )
-                    rgba = np.stack([grey] * 3 + [np.ones_like(grey)], axis=-1)
-                else:
-                    rgba = np.asarray(image.convert("RGBA"), np.float32) / 255.0
+        rgba = _decoded(path)
     except Image.DecompressionBombError:
         raise ValueError(f"{path}: too many pixels for a drawing; scale it down") from None
     except (OSError, SyntaxError, EOFError) as error:
@@ -119,14 +146,45 @@ def read_image(path: str | Path) -> tuple[np.ndarray, bool]:
         raise ValueError(
             f"{path}: not a readable image ({_short(error)}); expected PNG, JPEG or TIFF"
         ) from None
-    if min(rgba.shape[:2]) < 16:
+    if min(rgba.shape[:2]) < MIN_SIDE:
         raise ValueError(
             f"{path}: {rgba.shape[1]} x {rgba.shape[0]} pixels is too small to learn from"
         )
     clear = rgba[..., 3] < 0.5
-    return rgba, bool(
-        clear.mean() > 0.4
-    )  # a transparent margin round an opaque sheet is not transparent paper
+    return rgba, bool(clear.mean() > MIN_CLEAR)
+
+
+def _decoded(path: Path) -> np.ndarray:
+    """The pixels of an image file, upright: (H, W, 4) float32 straight RGBA."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with Image.open(path) as file:
+            if file.width * file.height > MAX_PIXELS:
+                raise ValueError(
+                    f"{path}: {file.width} x {file.height} pixels is too large; scale it below "
+                    f"{MAX_PIXELS // 1_000_000} megapixels"
+                )
+            file.load()
+            image = ImageOps.exif_transpose(file)
+            if image.mode.startswith("I") or image.mode == "F":
+                return _of_grey(np.asarray(image, np.float32), image.mode)
+            return np.asarray(image.convert("RGBA"), np.float32) / 255.0
+
+
+def _of_grey(grey: np.ndarray, mode: str) -> np.ndarray:
+    """RGBA of 16-bit and float greys (H, W), which pillow would clip to 8 bits."""
+    top = 65535.0 if mode.startswith("I") else 1.0
+    grey = np.clip(grey / (255.0 if grey.max(initial=0) <= 255 and top > 1 else top), 0, 1)
+    return np.stack([grey] * 3 + [np.ones_like(grey)], axis=-1)
+
+
+class _Laid(NamedTuple):
+    """One way to lay a drawing on a view, the movement that registered it, if any, and its fit."""
+
+    layout: str
+    exemplar: Exemplar
+    agreement: Agreement
+    moved: Similarity | None
 
 
 def load_exemplar(
@@ -134,48 +192,62 @@ def load_exemplar(
 ) -> tuple[Exemplar, str]:
     """Read a drawing and lay it on a view of `width` x `height` px, where it belongs on the curves.
 
-    A file of the view's proportions is resampled as it is. Any other is tried three ways (whole sheet inside the view,
-    view inside the sheet, stretched) and stays where most ink lies near the view's curves, `curve_points` (N, 2). Where
-    a shift, turn or scale of some per cent clearly brings the ink onto the curves, the sheet is moved by it.
+    A file of the view's proportions is resampled as it is. Any other is tried three ways (whole
+    scan inside the view, view inside the scan, stretched) and stays where most ink lies near the
+    view's curves, `curve_points` (N, 2). Where a shift, turn or scale of some per cent clearly
+    brings the ink onto the curves, the scan is moved by it.
 
     Returns the exemplar and a note for the user, empty where there is nothing to say.
     Raises ValueError, naming the file, where it is blank, all ink, or no drawing of these curves.
     """
     rgba, transparent = read_image(path)
-    note, best = "", None
+    best: _Laid | None = None
     layouts = [
         (name, _lay(rgba, width, height, name)) for name in _layouts(rgba.shape, width, height)
     ]
-    for name, sheet in layouts:
-        exemplar = separate(sheet, transparent, str(path))
-        moved = register(exemplar.mask, curve_points)
-        if moved is not None:
-            exemplar = separate(_moved(sheet, moved), transparent, str(path))
-        agreement = agree(exemplar, curve_points)
-        if best is None or agreement.far_ink < best[1].far_ink - 0.01:
-            best = (exemplar, agreement, name, moved)
-    exemplar, agreement, name, moved = best
-    if len(layouts) > 1:
-        note = f"{rgba.shape[1]} x {rgba.shape[0]} px drawing {name} to the {width} x {height} view"
-    if moved is not None:
-        note += f"{'; ' if note else ''}registered with the curves: {moved}"
+    for name, scan in layouts:
+        laid = _registered(name, scan, transparent, str(path), curve_points)
+        if best is None or laid.agreement.far_ink < best.agreement.far_ink - BETTER_LAYOUT:
+            best = laid
+    assert best is not None  # there is one layout at least
+    agreement = best.agreement
     if agreement.far_ink > FAR_REFUSED:
         raise ValueError(
-            f"{path}: {100 * agreement.far_ink:.0f} % of its ink lies farther than {agreement.near:.0f} px from every "
-            "curve: not a drawing of this shape from this camera? Draw over the sheet that `strokestyle extract` "
-            "writes, and give fit the same view or --camera"
+            f"{path}: {100 * agreement.far_ink:.0f} % of its ink lies farther than "
+            f"{agreement.near:.0f} px from every curve: not a drawing of this shape from this "
+            "camera? Draw over the template that `strokestyle extract` writes, and fit with the "
+            "same view or camera"
         )
-    if agreement.far_ink > FAR_WARNED or agreement.bare_curve > 0.5:
-        far, bare = 100 * agreement.far_ink, 100 * agreement.bare_curve
-        note += ("; " if note else "") + (
-            f"{far:.0f} % of the ink lies farther than {agreement.near:.0f} px from every curve and {bare:.0f} % of "
-            "the curves have no ink near: are view, camera and line options those of the sheet it was drawn over?"
+    notes = []
+    if len(layouts) > 1:
+        notes.append(
+            f"{rgba.shape[1]} x {rgba.shape[0]} px drawing {best.layout} to the "
+            f"{width} x {height} view"
         )
-    return exemplar, note
+    if best.moved is not None:
+        notes.append(f"registered with the curves: {best.moved}")
+    if agreement.far_ink > FAR_WARNED or agreement.bare_curve > BARE_WARNED:
+        notes.append(
+            f"{100 * agreement.far_ink:.0f} % of the ink lies farther than {agreement.near:.0f} px "
+            f"from every curve and {100 * agreement.bare_curve:.0f} % of the curves have no ink "
+            "near: are view, camera and line options those of the template it was drawn over?"
+        )
+    return best.exemplar, "; ".join(notes)
+
+
+def _registered(
+    layout: str, scan: np.ndarray, transparent: bool, name: str, curve_points: np.ndarray
+) -> _Laid:
+    """Separate a scan (H, W, 4), once more after it is moved onto the curves if that helps."""
+    exemplar = separate(scan, transparent, name)
+    moved = register(exemplar.mask, curve_points)
+    if moved is not None:
+        exemplar = separate(_moved(scan, moved), transparent, name)
+    return _Laid(layout, exemplar, agree(exemplar, curve_points), moved)
 
 
 def agree(exemplar: Exemplar, curve_points: np.ndarray) -> Agreement:
-    """Measure how much ink lies far from every curve point (N, 2), and how many points are without ink."""
+    """Measure how a drawing and the points of curves (N, 2) px lie together."""
     near = NEAR * max(exemplar.mask.shape) / 768.0
     y, x = np.nonzero(exemplar.mask > 0.5)
     weight = exemplar.alpha[y, x]
@@ -189,72 +261,92 @@ def agree(exemplar: Exemplar, curve_points: np.ndarray) -> Agreement:
     )
 
 
-def separate(sheet: np.ndarray, transparent: bool = False, name: str = "drawing") -> Exemplar:
-    """Tell the ink of a sheet (H, W, 4), straight RGBA, from its paper.
+def separate(scan: np.ndarray, transparent: bool = False, name: str = "drawing") -> Exemplar:
+    """Tell the ink of a scan from its ground.
 
-    Raises ValueError, naming `name`, where there is no ink, or more than a drawing of lines can hold.
+    Parameters
+    ----------
+    scan : (H, W, 4) straight RGBA in [0, 1]
+    transparent : whether its ground is what is clear in it
+    name : of the drawing, for errors
+
+    Raises ValueError where there is no ink, or more than a drawing of lines can hold.
     """
     if transparent:
-        least, rgb, mean_paper = sheet[..., 3], sheet[..., :3], np.ones(3)
-        floor = 2.0 / 255.0
+        rgb, opacity = scan[..., :3], scan[..., 3]
+        ground, mean_ground, floor = None, np.ones(3), MIN_OPACITY
     else:
-        rgb = sheet[..., :3] * sheet[..., 3:] + (1.0 - sheet[..., 3:])
-        paper = ground_field(rgb)
-        mean_paper = paper.mean(axis=(0, 1))
-        # the least opacity with which some ink in [0, 1] over this paper gives this pixel
-        least = ((paper - rgb) / np.maximum(paper, 1e-3)).max(axis=-1)
-        if (
-            mean_paper.mean() < 0.5
-        ):  # a dark sheet takes light ink; on a light one what is lighter is grain
-            least = np.maximum(least, ((rgb - paper) / np.maximum(1.0 - paper, 1e-3)).max(axis=-1))
-        floor = max(
-            2.0 / 255.0, 5.0 * float(np.median(np.abs(least - np.median(least))))
-        )  # 3.4 sigma of the grain
-        least = least.clip(0, 1)
-    least = np.where(least > floor, least, 0.0)
-    if (
-        floor > 0.01
-    ):  # the strongest of the grain passes the floor too, but stands away from all ink
-        least = least * ndimage.binary_dilation(least > max(0.15, 2.0 * floor), iterations=5)
-    held = least > max(0.08, floor)
-    share = float(held.mean())
-    if share < 2e-4 and floor <= 0.5:
-        tone = (
-            "black"
-            if mean_paper.max() < 0.15
-            else "white"
-            if mean_paper.min() > 0.97
-            else "of one tone"
-        )
-        raise ValueError(
-            f"{name}: no strokes found: the sheet is all {tone}, or its ink too faint to tell from it"
-        )
-    if share > 0.5 or floor > 0.5:
-        raise ValueError(
-            f"{name}: no paper to be found between its marks: a picture rather than a line drawing? "
-            "Expected strokes on a mostly empty sheet"
-        )
-    strongest = float(np.quantile(least[held], 0.98))
-    alpha = np.clip(least / max(strongest, 1e-3), 0, 1)
-    if transparent:
-        ink = rgb
-    else:
-        ink = np.clip(paper + (rgb - paper) / np.maximum(alpha, 1e-3)[..., None], 0, 1)
-        if (
-            mean_paper.mean() >= 0.5
-        ):  # taken for white paper in its light, which fell on the ink as well
-            ink = np.clip(ink / np.maximum(paper, 1e-3), 0, 1)
-    ink = _steady_ink(ink, alpha)
+        rgb = scan[..., :3] * scan[..., 3:] + (1.0 - scan[..., 3:])
+        ground = ground_field(rgb)
+        mean_ground = ground.mean(axis=(0, 1))
+        opacity, floor = _least_opacity(rgb, ground, mean_ground)
+    opacity = np.where(opacity > floor, opacity, 0.0)
+    if floor > CLEAN_GROUND:
+        # the strongest of the grain passes the floor too, but stands away from all ink
+        sure = opacity > max(SURE_INK, SURE_INK_FLOORS * floor)
+        opacity = opacity * ndimage.binary_dilation(sure, iterations=INK_REACH)
+    held = opacity > max(VISIBLE_INK, floor)
+    _check_ink(float(held.mean()), floor, mean_ground, name)
+    strongest = float(np.quantile(opacity[held], STRONGEST))
+    alpha = np.clip(opacity / max(strongest, 1e-3), 0, 1)
+    ink = _steady_ink(rgb if ground is None else _ink_over(rgb, ground, alpha, mean_ground), alpha)
     laid = alpha[..., None] * ink + (1.0 - alpha[..., None])
-    return Exemplar(laid, alpha, ink, stroke_mask(alpha), mean_paper)
+    return Exemplar(laid, alpha, ink, stroke_mask(alpha), mean_ground)
+
+
+def _least_opacity(
+    rgb: np.ndarray, ground: np.ndarray, mean_ground: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """The least opacity (H, W) with which some ink over this ground gives these pixels.
+
+    Returns it with the floor under which it is grain. A dark ground takes light ink; on a light
+    one what is lighter is grain.
+    """
+    opacity = ((ground - rgb) / np.maximum(ground, 1e-3)).max(axis=-1)
+    if mean_ground.mean() < 0.5:
+        lighter = ((rgb - ground) / np.maximum(1.0 - ground, 1e-3)).max(axis=-1)
+        opacity = np.maximum(opacity, lighter)
+    deviation = float(np.median(np.abs(opacity - np.median(opacity))))
+    return opacity.clip(0, 1), max(MIN_OPACITY, GRAIN_SPREADS * deviation)
+
+
+def _check_ink(share: float, floor: float, mean_ground: np.ndarray, name: str) -> None:
+    """Raise ValueError where too little or too much of a scan is ink for a drawing of lines."""
+    if share < MIN_INK_SHARE and floor <= 0.5:
+        if mean_ground.max() < 0.15:
+            tone = "black"
+        else:
+            tone = "white" if mean_ground.min() > 0.97 else "of one tone"
+        raise ValueError(
+            f"{name}: no strokes found: the sheet is all {tone}, or its ink too faint to tell "
+            "from it"
+        )
+    if share > MAX_INK_SHARE or floor > 0.5:
+        raise ValueError(
+            f"{name}: no paper to be found between its marks: a picture rather than a line "
+            "drawing? Expected strokes on a mostly empty sheet"
+        )
+
+
+def _ink_over(
+    rgb: np.ndarray, ground: np.ndarray, alpha: np.ndarray, mean_ground: np.ndarray
+) -> np.ndarray:
+    """The ink's colour (H, W, 3) that with opacity `alpha` over the ground gives the pixels."""
+    ink = np.clip(ground + (rgb - ground) / np.maximum(alpha, 1e-3)[..., None], 0, 1)
+    if mean_ground.mean() >= 0.5:
+        # taken for white paper in its light, which fell on the ink as well
+        ink = np.clip(ink / np.maximum(ground, 1e-3), 0, 1)
+    return ink
 
 
 def ground_field(rgb: np.ndarray) -> np.ndarray:
-    """The paper's colour under every pixel of (H, W, 3): block medians, blocks of ink mended, smoothly interpolated."""
+    """Estimate the ground's colour under every pixel of (H, W, 3).
+
+    Medians of blocks, those of ink mended from their neighbours, smoothed and interpolated.
+    """
     height, width = rgb.shape[:2]
-    down, across = max(1, round(height / BLOCK)), max(1, round(width / BLOCK))
-    rows = np.linspace(0, height, down + 1).astype(int)
-    cols = np.linspace(0, width, across + 1).astype(int)
+    rows = np.linspace(0, height, max(1, round(height / BLOCK)) + 1).astype(int)
+    cols = np.linspace(0, width, max(1, round(width / BLOCK)) + 1).astype(int)
     blocks = np.array(
         [
             [
@@ -264,61 +356,70 @@ def ground_field(rgb: np.ndarray) -> np.ndarray:
             for a, b in zip(rows[:-1], rows[1:], strict=True)
         ]
     )
-    overall = np.median(blocks.reshape(-1, 3), axis=0)
-    off = np.abs(blocks - ndimage.median_filter(blocks, size=(5, 5, 1), mode="nearest")).max(
-        axis=-1
-    )
-    blocks[off > 0.005 + 6.0 * np.median(off)] = np.nan  # ink, not paper, holds the median of these
-    for channel in range(3):
-        layer = blocks[..., channel]
-        bad = np.isnan(layer)
-        if bad.all():
-            layer[:] = overall[channel]
-        elif bad.any():
-            nearest = ndimage.distance_transform_edt(
-                bad, return_distances=False, return_indices=True
-            )
-            layer[bad] = layer[tuple(i[bad] for i in nearest)]
-    blocks = ndimage.gaussian_filter(blocks, (0.7, 0.7, 0), mode="nearest")
-    y = np.interp(np.arange(height) + 0.5, 0.5 * (rows[:-1] + rows[1:]), np.arange(down))
-    x = np.interp(np.arange(width) + 0.5, 0.5 * (cols[:-1] + cols[1:]), np.arange(across))
-    grid = np.meshgrid(y, x, indexing="ij")
+    blocks = _without_ink(blocks)
+    blocks = ndimage.gaussian_filter(blocks, (GROUND_SIGMA, GROUND_SIGMA, 0), mode="nearest")
+    grid = np.meshgrid(_in_blocks(rows, height), _in_blocks(cols, width), indexing="ij")
     field = [
         ndimage.map_coordinates(blocks[..., k], grid, order=1, mode="nearest") for k in range(3)
     ]
     return np.stack(field, axis=-1).astype(np.float32)
 
 
-def stroke_mask(alpha: np.ndarray) -> np.ndarray:
-    """Opacity (H, W) -> soft mask (H, W) of the area that the strokes cover, holes of the grain closed.
+def _without_ink(blocks: np.ndarray) -> np.ndarray:
+    """Block medians (m, n, 3); those that hold ink take the colour of the nearest that do not."""
+    overall = np.median(blocks.reshape(-1, 3), axis=0)
+    steady = ndimage.median_filter(blocks, size=(5, 5, 1), mode="nearest")
+    off = np.abs(blocks - steady).max(axis=-1)
+    ink = off > BLOCK_OFF + BLOCK_OFF_SPREADS * np.median(off)
+    if ink.all():
+        return np.broadcast_to(overall, blocks.shape).copy()
+    if ink.any():
+        nearest = ndimage.distance_transform_edt(ink, return_distances=False, return_indices=True)
+        blocks = blocks[tuple(nearest)]
+    return blocks
 
-    Clean ink needs no closing and its anti-aliased edges are kept as they are. A grainy medium is blurred by the least
-    of GRAIN_SIGMAS that leaves few specks and pinholes, then cut at CUT of its local peak, one pixel soft.
+
+def _in_blocks(edges: np.ndarray, size: int) -> np.ndarray:
+    """Where the `size` pixels of a side lie among blocks with these edges (k+1,): (size,)."""
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    return np.interp(np.arange(size) + 0.5, middle, np.arange(len(middle)))
+
+
+def stroke_mask(alpha: np.ndarray) -> np.ndarray:
+    """Opacity (H, W) -> soft mask (H, W) of what the strokes cover, holes of the grain closed.
+
+    Clean ink needs no closing and its anti-aliased edges are kept as they are. A grainy medium is
+    blurred by the least of GRAIN_SIGMAS that leaves few specks and pinholes, then cut at CUT of its
+    local peak, one pixel soft.
     """
     for sigma in GRAIN_SIGMAS:
         smooth = ndimage.gaussian_filter(alpha, sigma) if sigma else alpha
-        peak = ndimage.maximum_filter(ndimage.gaussian_filter(alpha, max(sigma, 0.5)), size=17)
-        peak = np.maximum(ndimage.gaussian_filter(peak, 4.0), 0.1)
-        inside = smooth > CUT * peak
-        if _litter(inside) < LITTER:
+        peak = _local_peak(alpha, max(sigma, 0.5))
+        if _litter(smooth > CUT * peak) < MAX_LITTER:
             break
     if sigma:
         slope = np.maximum(np.hypot(*np.gradient(smooth)), 0.02)
         mask = np.clip(0.5 + (smooth - CUT * peak) / slope, 0, 1)
     else:
-        mask = np.clip(smooth / (0.9 * peak), 0, 1)
-    label, count = ndimage.label(mask > 0.25, np.ones((3, 3)))
+        mask = np.clip(smooth / (FULL * peak), 0, 1)
+    label, count = ndimage.label(mask > BLOT, np.ones((3, 3)))
     if count:
         area = np.bincount(label.ravel(), weights=mask.ravel())
-        mask = mask * ((area >= 8.0)[label] | (label == 0))  # single specks are no strokes
+        mask = mask * ((area >= MIN_BLOT)[label] | (label == 0))
     return mask.astype(np.float32)
 
 
+def _local_peak(alpha: np.ndarray, sigma: float) -> np.ndarray:
+    """The highest opacity (H, W) around every pixel, after a blur of `sigma` px."""
+    peak = ndimage.maximum_filter(ndimage.gaussian_filter(alpha, sigma), size=PEAK_SIZE)
+    return np.maximum(ndimage.gaussian_filter(peak, PEAK_SIGMA), MIN_PEAK)
+
+
 def _litter(inside: np.ndarray) -> float:
-    """Share of a binary mask that is specks, or lacks because of pinholes; both under SPECK px of area."""
+    """Share of a binary mask that is specks, or lacks because of pinholes; both under SPECK px."""
     total = 0
-    for part in (inside, ~inside):
-        label, count = ndimage.label(part)
+    for region in (inside, ~inside):
+        label, count = ndimage.label(region)
         if count:
             area = np.bincount(label.ravel())[1:]
             total += area[area < SPECK].sum()
@@ -326,55 +427,60 @@ def _litter(inside: np.ndarray) -> float:
 
 
 def _steady_ink(ink: np.ndarray, alpha: np.ndarray) -> np.ndarray:
-    """Ink colour where it is faint is mostly noise: lean on the neighbourhood there; white where there is none."""
-    weight = ndimage.gaussian_filter(alpha, 2.0)
-    near = np.stack([ndimage.gaussian_filter(ink[..., k] * alpha, 2.0) for k in range(3)], axis=-1)
+    """Steady the ink's colour (H, W, 3) where it is faint, and so mostly noise.
+
+    It leans on the neighbourhood there; white where there is none.
+    """
+    weight = ndimage.gaussian_filter(alpha, STEADY_SIGMA)
+    near = np.stack(
+        [ndimage.gaussian_filter(ink[..., k] * alpha, STEADY_SIGMA) for k in range(3)], axis=-1
+    )
     near = np.where(weight[..., None] > 1e-4, near / np.maximum(weight, 1e-4)[..., None], 1.0)
-    own = np.clip(alpha / 0.15, 0, 1)[..., None]
+    own = np.clip(alpha / FAINT_INK, 0, 1)[..., None]
     return np.clip(own * ink + (1 - own) * near, 0, 1)
 
 
-def _layouts(shape: tuple, width: int, height: int) -> tuple[str, ...]:
-    """Ways to lay a sheet on the view: one where the proportions agree within half a per cent."""
-    if abs(np.log(shape[1] / shape[0] * height / width)) < 0.005:
+def _layouts(shape: tuple[int, ...], width: int, height: int) -> tuple[str, ...]:
+    """Ways to lay a scan on the view: one where the proportions agree within half a per cent."""
+    if abs(np.log(shape[1] / shape[0] * height / width)) < SAME_PROPORTIONS:
         return ("scaled",)
     return ("fitted", "cropped", "stretched")
 
 
 def _lay(rgba: np.ndarray, width: int, height: int, layout: str) -> np.ndarray:
-    """Resample a sheet (h, w, 4) to (height, width, 4), premultiplied so that clear pixels bleed no colour."""
+    """Resample a scan (h, w, 4) to (height, width, 4).
+
+    This is done premultiplied, so that clear pixels bleed no colour.
+    """
     h, w = rgba.shape[:2]
-    scale = {"fitted": min(width / w, height / h), "cropped": max(width / w, height / h)}.get(
-        layout
-    )
     if (w, h) == (width, height):
         return rgba
-    new_w, new_h = (
-        (width, height) if scale is None else (max(1, round(w * scale)), max(1, round(h * scale)))
-    )
+    size = width, height
+    if layout in ("fitted", "cropped"):
+        scale = (min if layout == "fitted" else max)(width / w, height / h)
+        size = max(1, round(w * scale)), max(1, round(h * scale))
     premultiplied = _premultiplied(rgba)
-    resize = Image.Resampling.LANCZOS
     planes = [
-        np.asarray(Image.fromarray(premultiplied[..., k]).resize((new_w, new_h), resize))
+        np.asarray(Image.fromarray(premultiplied[..., k]).resize(size, Image.Resampling.LANCZOS))
         for k in range(4)
     ]
     out = np.stack(planes, axis=-1).clip(0, 1)
-    if (new_w, new_h) != (
-        width,
-        height,
-    ):  # pad with the sheet's own edge (its paper), or cut, about the centre
-        dx, dy = width - new_w, height - new_h
-        out = out[max(0, -dy // 2) :, max(0, -dx // 2) :][:height, :width]
-        pad_y, pad_x = height - out.shape[0], width - out.shape[1]
-        edge = np.median(np.concatenate([out[0], out[-1], out[:, 0], out[:, -1]]), axis=0)
-        full = np.broadcast_to(edge, (height, width, 4)).copy()
-        full[pad_y // 2 : pad_y // 2 + out.shape[0], pad_x // 2 : pad_x // 2 + out.shape[1]] = out
-        out = full
-    return _straight(out)
+    return _straight(out if size == (width, height) else _centred(out, width, height))
 
 
-def _moved(sheet: np.ndarray, moved: Similarity) -> np.ndarray:
-    return _straight(moved.warp(_premultiplied(sheet)).clip(0, 1))
+def _centred(image: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Cut an image (h, w, 4) about its centre, or pad it with its own edge, which is its paper."""
+    dx, dy = width - image.shape[1], height - image.shape[0]
+    image = image[max(0, -dy // 2) :, max(0, -dx // 2) :][:height, :width]
+    y, x = (height - image.shape[0]) // 2, (width - image.shape[1]) // 2
+    edge = np.median(np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]]), axis=0)
+    full = np.broadcast_to(edge, (height, width, 4)).copy()
+    full[y : y + image.shape[0], x : x + image.shape[1]] = image
+    return full
+
+
+def _moved(scan: np.ndarray, moved: Similarity) -> np.ndarray:
+    return _straight(moved.warp(_premultiplied(scan)).clip(0, 1))
 
 
 def _premultiplied(rgba: np.ndarray) -> np.ndarray:
