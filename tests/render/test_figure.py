@@ -1,4 +1,4 @@
-"""The stages of a drawing: each adds one thing to the one before."""
+"""The steps of a figure: each adds one thing to the one before."""
 
 import io
 import xml.etree.ElementTree as ET
@@ -14,7 +14,7 @@ from strokestyle.extract.camera import Camera
 from strokestyle.extract.feature_maps import FeatureMaps
 from strokestyle.extract.view import View
 from strokestyle.geometry.curves import Curves
-from strokestyle.render.figure import NAMES, figure_files, figure_steps
+from strokestyle.render.figure import STEP_NAMES, figure_files, figure_steps
 
 
 def view_of(drawn):
@@ -33,18 +33,18 @@ def pixels(png):
 
 
 @pytest.mark.parametrize("texture", [None, "grain"])
-def test_each_stage_adds_one_thing(texture):
+def test_each_step_adds_one_thing(texture):
     drawn = drawing(12, texture)
     made = figure_steps(
         view_of(drawn), drawn, title="a & b", page_size="A4", plotter=True
     )  # neither fits a figure
-    assert [stage.name for stage in made] == list(NAMES)
-    for stage in made:
-        assert "a &amp; b" in stage.svg
-        ET.fromstring(stage.svg)
-    assert len({stage.svg for stage in made}) == 4
+    assert [step.name for step in made] == list(STEP_NAMES)
+    for step in made:
+        assert "a &amp; b" in step.svg
+        ET.fromstring(step.svg)
+    assert len({step.svg for step in made}) == 4
     files = figure_files(made, 2.0)
-    curves, displaced, strokes, textured = (pixels(files[f"{name}.png"]) for name in NAMES)
+    curves, displaced, strokes, textured = (pixels(files[f"{name}.png"]) for name in STEP_NAMES)
     assert curves.shape == (240, 320)
     inner = np.s_[10:-10, 10:-10]
     assert (
@@ -61,10 +61,10 @@ def test_each_stage_adds_one_thing(texture):
     assert np.array_equal(sheet[:, :320], curves) and np.array_equal(sheet[:, -320:], textured)
 
 
-def test_no_strokes_make_four_empty_stages():
+def test_no_strokes_make_four_empty_steps():
     drawn = Drawing(Strokes(np.zeros((0, 2)), [], [0], [], []), (160, 120), np.zeros((0, 4)))
     made = figure_steps(view_of(drawn), drawn, background="#ffeedd")
-    assert all("#ffeedd" in stage.svg for stage in made)
+    assert all("#ffeedd" in step.svg for step in made)
     assert len(figure_files(made)) == 9
 
 

@@ -1,4 +1,4 @@
-"""Where to compute, and how to compute the same there twice."""
+"""Choose the device that torch computes on, and make what it computes there repeatable."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ import torch
 
 
 def pick_device(name: str) -> torch.device:
-    """ "auto" | "cpu" | "cuda" -> the device. Raises ValueError where it is not there."""
+    """Choose a device by its name: "cpu", "cuda", or "auto": the GPU where there is one.
+
+    Raises ValueError on another name, and where there is no such device.
+    """
     if name == "auto":
         name = "cuda" if torch.cuda.is_available() else "cpu"
     if name not in ("cpu", "cuda"):
@@ -23,13 +26,15 @@ def pick_device(name: str) -> torch.device:
 
 @contextmanager
 def repeatable(device: torch.device) -> Iterator[None]:
-    """Within it a GPU adds up in the same order every time, wherever torch has a way; a CPU does so anyhow."""
+    """Make torch deterministic while it is entered: a GPU then sums in the same order every time.
+
+    Where torch has no deterministic way it goes on without one. A CPU is repeatable anyhow.
+    """
     if device.type != "cuda":
         yield
         return
-    os.environ.setdefault(
-        "CUBLAS_WORKSPACE_CONFIG", ":4096:8"
-    )  # read when the first product is made
+    # read when the first product is made
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
     before = (
         torch.are_deterministic_algorithms_enabled(),
         torch.is_deterministic_algorithms_warn_only_enabled(),

@@ -1,10 +1,14 @@
-"""The networks, whole: the paper's three and its discriminator layer by layer, and what the fast presets learn.
+"""Define the networks: the paper's three and its discriminator, and what the fast presets learn.
 
-Instance normalisation has no parameters of its own and every convolution has a bias, as in the authors' program.
-Points of curves come flat, (N, P), with the offsets that cut them into curves; no curve sees another.
+The paper is Liu, Fisher, Hertzmann, Kalogerakis: Neural Strokes, ICCV 2021; its networks stand here
+layer by layer. Instance normalisation has no parameters of its own and every convolution has a
+bias, as in the authors' program. Points of curves come flat, (N, P), with the offsets that cut them
+into curves; no curve sees another.
 """
 
 from __future__ import annotations
+
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -12,7 +16,7 @@ from torch.nn import functional as F
 
 
 class OnePad2d(nn.ConstantPad2d):
-    """Pads with 1, what the feature maps hold in the background."""
+    """Pad with 1, what the feature maps hold in the background."""
 
     def __init__(self, padding: int):
         super().__init__(padding, 1.0)
@@ -21,16 +25,20 @@ class OnePad2d(nn.ConstantPad2d):
 def _conv(
     channels_in: int, channels_out: int, kernel: int, stride: int = 1, padding: int = 0
 ) -> list[nn.Module]:
+    """A convolution, normalised and rectified."""
     layer = nn.Conv2d(channels_in, channels_out, kernel, stride, padding)
     return [layer, nn.InstanceNorm2d(channels_out), nn.ReLU()]
 
 
 def _up(channels_in: int, channels_out: int) -> list[nn.Module]:
+    """The same, transposed: it doubles height and width."""
     layer = nn.ConvTranspose2d(channels_in, channels_out, 3, stride=2, padding=1, output_padding=1)
     return [layer, nn.InstanceNorm2d(channels_out), nn.ReLU()]
 
 
 class ResidualBlock(nn.Module):
+    """Add to maps (B, K, H, W) what two convolutions make of them (He et al. 2016)."""
+
     def __init__(self, channels: int):
         super().__init__()
         self.body = nn.Sequential(
@@ -46,7 +54,10 @@ class ResidualBlock(nn.Module):
 
 
 class SurfaceNet(nn.Module):
-    """f: feature maps (B, 9, H, W) -> deep features (B, 40, H, W); H, W multiples of 4. Appendix, first table."""
+    """f: make deep features (B, 40, H, W) of feature maps (B, 9, H, W); H, W multiples of 4.
+
+    The paper's appendix, first table.
+    """
 
     def __init__(self, maps: int = 9):
         super().__init__()
@@ -66,7 +77,10 @@ class SurfaceNet(nn.Module):
 
 
 class PathNet(nn.Module):
-    """h: point features (N, 45) -> (N, 3): displacement x, y and raw thickness, px. Paper, appendix, second table."""
+    """h: make displacement x, y and raw thickness, px, (N, 3), of point features (N, 45).
+
+    The paper's appendix, second table.
+    """
 
     def __init__(self, features: int = 45):
         super().__init__()
@@ -76,18 +90,20 @@ class PathNet(nn.Module):
 
     def forward(self, points: Tensor, offsets: Tensor) -> Tensor:
         rows, total = gapped(offsets, 1)
-        x = (
-            points.new_zeros(total, points.shape[1]).index_copy(0, rows, points).T[None]
-        )  # (1, P, total)
+        x = points.new_zeros(total, points.shape[1]).index_copy(0, rows, points).T[None]
         inside = points.new_zeros(total).index_fill(0, rows, 1.0)
-        for i, layer in enumerate(self.layers):
+        for i, module in enumerate(self.layers):  # x is (1, P, total)
+            layer = cast(nn.Conv1d, module)
             x = F.conv1d(x, layer.weight, layer.bias, padding=1)
             x = (F.relu(x) if i < 2 else x) * inside
         return x[0].T[rows]
 
 
 class TextureNet(nn.Module):
-    """g: eight geometry maps and the stroke mask (B, 9, H, W) -> RGB (B, 3, H, W) in [0, 1]. Appendix, third table."""
+    """g: make RGB (B, 3, H, W) in [0, 1] of eight geometry maps and the stroke mask (B, 9, H, W).
+
+    The paper's appendix, third table.
+    """
 
     def __init__(self, maps: int = 9):
         super().__init__()
@@ -109,7 +125,10 @@ class TextureNet(nn.Module):
 
 
 class PatchDiscriminator(nn.Module):
-    """D: RGB (B, 3, H, W) -> (B, 1, h, w), each value judging a patch of 70 x 70 px (Isola et al. 2017)."""
+    """D: judge RGB (B, 3, H, W), each value of (B, 1, h, w) a patch of 70 x 70 px.
+
+    Isola et al. 2017.
+    """
 
     def __init__(self):
         super().__init__()
@@ -123,11 +142,12 @@ class PatchDiscriminator(nn.Module):
 
 
 class AdditiveNet(nn.Module):
-    """Ours: a sum of curves, one for each feature, (N, P) -> (N,). Sparse additive models: Ravikumar et al. 2009.
+    """Sum a curve of each feature, (N, P) -> (N,): a sparse additive model (Ravikumar et al. 2009).
 
-    One drawing holds a dozen or two strokes, so most of what tells strokes apart has been seen a dozen times. A network
-    that may combine features freely learns these strokes by heart; a sum of curves, with `penalty` to leave out the
-    features it can do without, does not. The sum is read as a logarithm, where influences that scale each other add.
+    One drawing holds a dozen or two strokes, so most of what tells strokes apart has been seen a
+    dozen times. A network that may combine features freely learns these strokes by heart; a sum of
+    curves, with `penalty` to leave out the features it can do without, does not. The sum is read as
+    a logarithm, where influences that scale each other add.
     """
 
     def __init__(self, features: int, hidden: int = 8):
@@ -143,17 +163,18 @@ class AdditiveNet(nn.Module):
         return curves.sum((1, 2)) + points @ self.line + self.base
 
     def penalty(self) -> Tensor:
-        """Group lasso: the sum over features of the size of their curves' weights."""
+        """Group lasso (Yuan and Lin 2006): the sum over features of the size of their weights."""
         return torch.sqrt(self.weight.square().sum(1) + self.line.square() + 1e-6).sum()
 
 
 def gapped(offsets: Tensor, gap: int) -> tuple[Tensor, int]:
-    """Rows (N,) that points take in one sequence with `gap` zeros around every curve, and its length."""
+    """Lay curves in one sequence with `gap` zeros around each.
+
+    Returns
+    -------
+    the row of each point in it (N,), and its length
+    """
     counts = offsets.diff()
     owner = torch.repeat_interleave(torch.arange(len(counts), device=offsets.device), counts)
     rows = torch.arange(len(owner), device=offsets.device) + gap * (owner + 1)
     return rows, len(owner) + gap * (len(counts) + 1)
-
-
-def parameters(network: nn.Module) -> int:
-    return sum(p.numel() for p in network.parameters())

@@ -1,7 +1,8 @@
-"""A style as the paper has it: a surface network, a path network, and a texture network over the whole canvas.
+"""Draw in a style as the paper has it: a surface network, a path network, and a texture network.
 
-Liu, Fisher, Hertzmann, Kalogerakis: Neural Strokes, ICCV 2021. Section 3.2 is `stroke_geometry`, section 3.3 `texture`.
-Images in here are white = 1, stroke = 0, as in the paper: what lies outside the canvas is then background.
+Liu, Fisher, Hertzmann, Kalogerakis: Neural Strokes, ICCV 2021. Section 3.2 is `stroke_geometry`,
+section 3.3 the texture network, which sees the whole canvas, and `look_up`. Images in here are
+white = 1, stroke = 0, as in the paper: what lies outside the canvas is then background.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from ..drawing.edit import cut_at_parts
-from ..drawing.ribbon import ribbon, strip_points
+from ..drawing.ribbon import Ribbon, across, ribbon, strip_points
 from ..drawing.strokes import Drawing, Strokes, Texture
 from ..extract.feature_maps import NEURAL_STROKES_MAPS
 from ..extract.view import View
@@ -23,20 +24,19 @@ from ..geometry.curves import arc_length, owner, tangents
 from .coverage import coverage
 from .networks import PathNet, SurfaceNet, TextureNet
 
-LEAST_THICKNESS = (
-    0.1  # px, and a leaky slope, so that no stroke is stuck at zero (the authors' code)
-)
-LEAK = 0.01
-ROWS, COLUMNS, MARGIN = (
-    2,
-    24,
-    2.0,
-)  # texels a px along a strip, across it, and px beyond the half thickness
+MIN_THICKNESS = 0.1  # px, so that no stroke is stuck at zero (the authors' code)
+LEAK = 0.01  # slope of the thickness where the network's output is below 0 (the authors' code)
+ROWS_A_PX = 2  # texels of a strip along its stroke
+COLUMNS = 24  # texels across it
+MARGIN = 2.0  # px beyond the half thickness that a strip reaches
+MIDDLE = 0.5  # of a strip's width, where the opacity of the flat ink is measured
 
 
 @dataclass(frozen=True)
 class NeuralStrokesStyle:
-    """The three networks after training. Their unit is the pixel of the canvas that they saw: draw on one of its size.
+    """The three networks after training.
+
+    Their unit is the pixel of the canvas that they saw: draw on one of its size.
 
     Parameters
     ----------
@@ -52,19 +52,28 @@ class NeuralStrokesStyle:
     about: dict = field(default_factory=dict)
 
     def draw(self, view: View, seed: int = 0) -> Drawing:
-        """Draw a view. The paper's style has no chance in it: `seed` changes nothing."""
+        """Draw a view, in its pixels. There is no chance in this style: `seed` changes nothing."""
         size = (view.camera.width, view.camera.height)
-        curves = view.curves
-        if not len(curves):
-            empty = Strokes(np.zeros((0, 2)), np.zeros(0), [0], [], [])
-            return Drawing(empty, size, np.zeros((0, 4)))
-        device = next(self.path.parameters()).device
+        if not len(view.curves):
+            return Drawing(Strokes.empty(), size, np.zeros((0, 4)))
+        strokes, image = self._translate(view)
+        texture, color = look_up(strokes, image)
+        drawing = Drawing(strokes, size, color, texture)
+        if view.parts is None:
+            return drawing
+        along = arc_length(view.curves.xy, view.curves.offsets)
+        return cut_at_parts(drawing, view.parts.cut(view.curves.offsets, along))
+
+    def _translate(self, view: View) -> tuple[Strokes, np.ndarray]:
+        """The strokes of a view, and the image of them as the texture network has it (H, W, 3)."""
+        curves, device = view.curves, next(self.path.parameters()).device
         with torch.no_grad():
             maps, points = view_maps(view, device), curve_features(view, device)
             offsets = torch.tensor(curves.offsets, device=device)
             deep = padded(self.surface, maps)
             xy, thickness = stroke_geometry(self.path, deep, points, offsets)
-            mask = 1.0 - coverage(xy, thickness, offsets, size[1], size[0])
+            height, width = maps.shape[2:]
+            mask = 1.0 - coverage(xy, thickness, offsets, height, width)
             rgb = padded(self.texture, torch.cat([maps[:, :-1], mask[None, None]], dim=1))[0]
         strokes = Strokes(
             xy.double().cpu().numpy(),
@@ -73,17 +82,10 @@ class NeuralStrokesStyle:
             curves.kind,
             curves.closed,
         )
-        image = outside_white(rgb.cpu().numpy().transpose(1, 2, 0), mask.cpu().numpy())
-        texture, color = look_up(strokes, image)
-        drawing = Drawing(strokes, size, color, texture)
-        if view.parts is None:
-            return drawing
-        return cut_at_parts(
-            drawing, view.parts.cut(curves.offsets, arc_length(curves.xy, curves.offsets))
-        )
+        return strokes, outside_white(rgb.cpu().numpy().transpose(1, 2, 0), mask.cpu().numpy())
 
     def state(self) -> dict:
-        """The networks' weights as arrays, for the model file."""
+        """Give the networks' weights as arrays, for the model file: {network: {weight: array}}."""
         nets = {name: getattr(self, name).state_dict() for name in ("surface", "path", "texture")}
         return {
             name: {key: value.cpu().numpy() for key, value in net.items()}
@@ -92,7 +94,10 @@ class NeuralStrokesStyle:
 
     @classmethod
     def from_state(cls, state: dict, about: dict, device: torch.device) -> NeuralStrokesStyle:
-        """Raises KeyError or RuntimeError where the state is not that of the paper's networks."""
+        """Make a style of what `state` gave.
+
+        Raises KeyError or RuntimeError where that is not the state of the paper's networks.
+        """
         with torch.random.fork_rng(devices=[]):
             nets = {"surface": SurfaceNet(), "path": PathNet(), "texture": TextureNet()}
         for name, net in nets.items():
@@ -104,7 +109,10 @@ class NeuralStrokesStyle:
 
 
 def view_maps(view: View, device: torch.device | str = "cpu") -> Tensor:
-    """V in the paper: eight geometry maps and the plain raster, (1, 9, H, W); background and white are 1."""
+    """Stack V in the paper: eight geometry maps and the plain raster, (1, 9, H, W).
+
+    Background and white are 1.
+    """
     values = np.stack(
         [*(view.maps[name] for name in NEURAL_STROKES_MAPS), 1.0 - view.maps["plain"]]
     )
@@ -112,7 +120,10 @@ def view_maps(view: View, device: torch.device | str = "cpu") -> Tensor:
 
 
 def curve_features(view: View, device: torch.device | str = "cpu") -> Tensor:
-    """Per curve point (N, 7): x, y; tangent; normal; normalised arc length (sec. 3.2, "Path geometry module")."""
+    """Measure curve points, (N, 7): x, y in px; tangent; normal; normalised arc length.
+
+    The paper's section 3.2, "Path geometry module".
+    """
     curves = view.curves
     t = tangents(curves.xy, curves.offsets, curves.closed)
     along = arc_length(curves.xy, curves.offsets)
@@ -124,10 +135,13 @@ def curve_features(view: View, device: torch.device | str = "cpu") -> Tensor:
 def stroke_geometry(
     path: nn.Module, deep: Tensor, points: Tensor, offsets: Tensor, image: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
-    """Eq. 1: [t, d] = avg(h(P), h(P')), P' with the curve's direction turned round.
+    """Predict where strokes go and how thick they are: eq. 1, [t, d] = avg(h(P), h(P')).
+
+    P' are the features of the points with the curve's direction turned round.
 
     Parameters
     ----------
+    path : PathNet, h
     deep : (B, 40, H, W), F = f(V)
     points : (N, 7) of `curve_features`, in pixels of `deep`
     offsets : (C+1,) cuts points into curves
@@ -135,58 +149,76 @@ def stroke_geometry(
 
     Returns
     -------
-    displaced points (N, 2) and thickness (N,), px; a strongly negative output leaves it below 0, with a gradient
+    displaced points (N, 2) and thickness (N,), px; a strongly negative output leaves the thickness
+    below 0, with a gradient
     """
     height, width = deep.shape[2:]
     column = points[:, 0].floor().long().clamp(0, width - 1)
     row = points[:, 1].floor().long().clamp(0, height - 1)
     image = torch.zeros_like(row) if image is None else image
     here = deep[image, :, row, column]  # (N, 40), nearest pixel
-    direction, arc = points[:, 2:6], points[:, 6:]
-    out = (
-        sum(path(torch.cat([here, sign * direction, arc], dim=1), offsets) for sign in (1.0, -1.0))
-        / 2.0
+    direction, along = points[:, 2:6], points[:, 6:]
+    there, back = (
+        path(torch.cat([here, sign * direction, along], dim=1), offsets) for sign in (1.0, -1.0)
     )
-    return points[:, :2] + out[:, :2], F.leaky_relu(out[:, 2], LEAK) + LEAST_THICKNESS
+    out = (there + back) / 2.0
+    return points[:, :2] + out[:, :2], F.leaky_relu(out[:, 2], LEAK) + MIN_THICKNESS
 
 
 def padded(network: nn.Module, maps: Tensor) -> Tensor:
-    """Run a network that halves twice on maps (1, K, H, W) of any size: background is added to the right and below."""
+    """Run a network that halves twice on maps (1, K, H, W) of any size.
+
+    Background is added to the right and below, and what is made of it is left out.
+    """
     height, width = maps.shape[2:]
     maps = F.pad(maps, (0, -width % 4, 0, -height % 4), value=1.0)
     return network(maps)[..., :height, :width]
 
 
 def outside_white(rgb: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """RGB (H, W, 3) with everything beyond the mask (H, W, 0 = stroke), grown by 2 px, set to white (the code)."""
+    """Set RGB (H, W, 3) to white beyond the mask (H, W, 0 = stroke), grown by 2 px.
+
+    As the authors' code does.
+    """
     near = ndimage.binary_dilation(mask < 0.999, np.ones((5, 5)))
     return np.where(near[..., None], rgb, 1.0)
 
 
 def look_up(strokes: Strokes, image: np.ndarray) -> tuple[Texture, np.ndarray]:
-    """Sec. 3.3, last paragraph: the u-v texture of each stroke is read from the translated image (H, W, 3).
+    """Read the u-v texture of each stroke from the translated image (H, W, 3).
 
-    Ink and opacity are told apart on white paper: the least opacity that gives the colour.
-    Returns the texture and the mean ink of every stroke (C, 4).
+    Section 3.3, last paragraph. Ink and opacity are told apart as on white paper: the opacity is
+    the least that gives the colour.
+
+    Returns
+    -------
+    the texture, and the mean ink of every stroke, straight RGBA (C, 4), its opacity that of the
+    middle of its strip
     """
-    strips, counts, colors = [], [], []
-    for i in range(len(strokes)):
-        band = ribbon(strokes, i, MARGIN)
-        rows = max(2, round(ROWS * band.length))
-        at = strip_points(band, rows, COLUMNS)
-        place = [at[..., 1] - 0.5, at[..., 0] - 0.5]
-        rgb = np.stack(
-            [ndimage.map_coordinates(image[..., k], place, order=1, cval=1.0) for k in range(3)],
-            axis=-1,
-        )
-        alpha = 1.0 - rgb.min(axis=-1)
-        ink = np.where(
-            alpha[..., None] > 1e-3, 1.0 - (1.0 - rgb) / np.maximum(alpha, 1e-3)[..., None], 0.0
-        )
-        strips.append(np.concatenate([ink, alpha[..., None]], axis=-1).clip(0, 1))
-        counts.append(rows)
-        weight = alpha.sum() + 1e-9
-        middle = np.abs(np.arange(COLUMNS) - 0.5 * (COLUMNS - 1)) < 0.25 * COLUMNS
-        colors.append([*(ink * alpha[..., None]).sum((0, 1)) / weight, alpha[:, middle].mean()])
-    rgba = (np.concatenate(strips) * 255.0 + 0.5).astype(np.uint8)
-    return Texture(rgba, np.r_[0, np.cumsum(counts)], MARGIN), np.clip(colors, 0, 1)
+    strips = [_strip_of(image, ribbon(strokes, i, MARGIN)) for i in range(len(strokes))]
+    offsets = np.cumsum([0] + [len(strip) for strip in strips])
+    colors = [_mean_ink(strip) for strip in strips]
+    rgba = (np.concatenate(strips).clip(0, 1) * 255.0 + 0.5).astype(np.uint8)
+    margin = np.full(len(strips), MARGIN)
+    return Texture(rgba, offsets, margin), np.clip(colors, 0, 1)
+
+
+def _strip_of(image: np.ndarray, band: Ribbon) -> np.ndarray:
+    """The strip (n, COLUMNS, 4), straight alpha, that a ribbon has on an image (H, W, 3)."""
+    at = strip_points(band, max(2, round(ROWS_A_PX * band.length)), COLUMNS)
+    place = [at[..., 1] - 0.5, at[..., 0] - 0.5]
+    rgb = np.stack(
+        [ndimage.map_coordinates(image[..., k], place, order=1, cval=1.0) for k in range(3)],
+        axis=-1,
+    )
+    alpha = 1.0 - rgb.min(axis=-1, keepdims=True)
+    ink = np.where(alpha > 1e-3, 1.0 - (1.0 - rgb) / np.maximum(alpha, 1e-3), 0.0)
+    return np.concatenate([ink, alpha], axis=-1)
+
+
+def _mean_ink(strip: np.ndarray) -> list[float]:
+    """Mean colour of the ink of a strip (n, COLUMNS, 4), and the opacity of its middle."""
+    ink, alpha = strip[..., :3], strip[..., 3]
+    middle = np.abs(across(COLUMNS)) < MIDDLE
+    color = (ink * alpha[..., None]).sum((0, 1)) / (alpha.sum() + 1e-9)
+    return [*color.tolist(), float(alpha[:, middle].mean())]
