@@ -109,8 +109,11 @@ def imported_with(*names):
 
 def test_the_command_line_starts_without_the_heavy_libraries():
     heavy = {"torch", "numpy", "scipy", "trimesh", "embreex", "PIL", "rich"}
-    for name in imported_with("cli"):
+    loaded = imported_with("cli")
+    for name in loaded:
         assert not heavy & {module for module, top in imports(name) if top}, name
+    late = {name for name in MODULES if name.startswith("cli.")} - loaded
+    assert late == {"cli.edit_text"}  # it edits; the others make the help texts
 
 
 def test_a_mesh_is_drawn_without_torch():

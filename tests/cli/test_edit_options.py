@@ -2,6 +2,7 @@
 
 import click
 import pytest
+from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 from small_drawings import drawing
 
@@ -64,6 +65,11 @@ def test_edits_keep_the_order_of_the_command_line(monkeypatch, words, edits):
 def test_words_are_completed_where_an_edit_is_unfinished():
     for words in (["in.svg", "--smooth"], ["in.svg", "--smooth", "x", "--taper", "3"]):
         assert len(context_of(*words, resilient_parsing=True).params["edits"]) <= 2
+    complete = ShellComplete(cli.main, {}, "strokestyle", "_COMPLETE").get_completions
+    words = ["edit", "in.svg", "--smooth", "x", "--taper", "3"]
+    assert [item.value for item in complete(words, "--simp")] == ["--simplify"]
+    assert [item.type for item in complete([*words, "--restyle"], "m")] == ["file"]
+    assert complete([*words, "--smooth"], "1") == []
 
 
 @pytest.mark.parametrize(

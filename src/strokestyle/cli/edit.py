@@ -15,6 +15,8 @@ from .options import TEXTURES, common_options, file_options, seed_option
 from .outputs import STANDARD_OUTPUT, check_outputs, write_preview, write_svg_text
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from ..svg.read import SvgFile
     from .edit_text import Edit, NamedDrawing
 
@@ -39,6 +41,13 @@ class EditText(click.ParamType):
             return parse_edit(self.edit, value)
         except ValueError as error:  # a sentence that names the option
             raise click.UsageError(str(error), ctx) from None
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        if self.edit == "restyle":
+            return click.Path().shell_complete(ctx, param, incomplete)
+        return super().shell_complete(ctx, param, incomplete)
 
 
 class EditOption(click.Option):
