@@ -1,8 +1,9 @@
-"""Where fields on stacks of grids reach a level: closed polygons by marching squares, all grids at once."""
+"""Closed polygons: how often they go round a point, and where fields on grids reach a level."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,47 +16,53 @@ def winding_number(
     offsets: np.ndarray | None = None,
     spend: Callable[[int], None] = lambda pairs: None,
 ) -> np.ndarray:
-    """How often closed polygons go round each of the points (M, 2), (M,) int.
+    """Count how often closed polygons go round each of some points, (M,) int.
 
-    Polygon i is rows offsets[i]:offsets[i+1] of `rings` (n, 2); without offsets, all rows are one polygon. `spend` is
-    told beforehand how many pairs of an edge and a point will be looked at, and may refuse.
+    Parameters
+    ----------
+    rings : (n, 2)
+    points : (M, 2)
+    offsets : (R+1,) int, polygon i is rows offsets[i]:offsets[i+1] of `rings`; None: all are of one
+    spend : told beforehand how many pairs of an edge and a point will be looked at, and may refuse
     """
     offsets = np.array([0, len(rings)]) if offsets is None else offsets
-    after, some = np.arange(1, len(rings) + 1), np.flatnonzero(np.diff(offsets))
-    after[offsets[1:][some] - 1] = offsets[:-1][some]
-    (ax, ay), (bx, by) = rings.T, rings[after].T
+    (ax, ay), (bx, by) = rings.T, rings[_following(len(rings), offsets)].T
     order = np.argsort(points[:, 1], kind="stable")
     x, y = points[order].T
-    low, high = np.minimum(ay, by), np.maximum(ay, by)
-    first = np.searchsorted(
-        y, low
-    )  # an edge is crossed by points as high as its lower end, but not its upper
-    count = np.searchsorted(y, high) - first
+    # an edge is crossed by points as high as its lower end, but not its upper
+    first = np.searchsorted(y, np.minimum(ay, by))
+    count = np.searchsorted(y, np.maximum(ay, by)) - first
     spend(int(count.sum()))
     crossed = np.flatnonzero(count)
     first, count = first[crossed], count[crossed]
     dx, dy = (bx - ax)[crossed], (by - ay)[crossed]
     at = counting(count) + np.repeat(first, count)
-    # where a point's level meets the edge: round a point that lies to the left of it, the edge turns
-    meets = np.repeat(ax[crossed], count) + (y[at] - np.repeat(ay[crossed], count)) * np.repeat(
-        dx / dy, count
-    )
-    turns = np.bincount(
-        at, np.where(x[at] < meets, np.repeat(np.sign(dy), count), 0.0), len(points)
-    )
+    # where a point's level meets the edge: round a point that lies to the left, the edge turns
+    height = y[at] - np.repeat(ay[crossed], count)
+    meets = np.repeat(ax[crossed], count) + height * np.repeat(dx / dy, count)
+    turn = np.where(x[at] < meets, np.repeat(np.sign(dy), count), 0.0)
     winding = np.empty(len(points), np.int64)
-    winding[order] = np.rint(turns).astype(np.int64)
+    winding[order] = np.rint(np.bincount(at, turn, len(points))).astype(np.int64)
     return winding
+
+
+def _following(rows: int, offsets: np.ndarray) -> np.ndarray:
+    """Find the row (n,) that follows each row of closed polygons: the first follows the last."""
+    after, some = np.arange(1, rows + 1), np.flatnonzero(np.diff(offsets))
+    after[offsets[1:][some] - 1] = offsets[:-1][some]
+    return after
 
 
 LEFT, TOP, RIGHT, BOTTOM = range(4)  # sides of a cell
 
 
 def _cases() -> np.ndarray:
-    """(18, 4): by which side a walk with the inside on its left comes into a cell and leaves it, twice; -1: not at all.
+    """Make the table of marching squares.
 
-    The case is the sum of 1, 2, 4, 8 for the corners inside, clockwise from the top left; 16 and 17 are the cases 5
-    and 10, opposite corners, where the middle joins what case 5 and 10 keep apart.
+    (18, 4): by which side a walk with the inside on its left comes into a cell and leaves it,
+    twice; -1: not at all. The case is the sum of 1, 2, 4, 8 for the corners inside, clockwise from the top
+    left; 16 and 17 are the cases 5 and 10, opposite corners, where the middle joins what case 5 and
+    10 keep apart.
     """
     table = np.full((18, 4), -1)
     single = {1: (LEFT, TOP), 2: (TOP, RIGHT), 4: (RIGHT, BOTTOM), 8: (BOTTOM, LEFT)}
@@ -71,76 +78,117 @@ def _cases() -> np.ndarray:
 CASES = _cases()
 
 
+@dataclass(frozen=True)
+class _Grids:
+    """Fields on grids of one width, stacked; see `isolines`.
+
+    The edges of all cells are numbered: first those along a row, from (row, column) to
+    (row, column + 1), then those along a column.
+    """
+
+    field: np.ndarray
+    offsets: np.ndarray
+    wraps: np.ndarray
+    level: np.ndarray
+
+    def of_row(self, row: np.ndarray) -> np.ndarray:
+        """The grid that each row is of."""
+        return np.searchsorted(self.offsets, row, side="right") - 1
+
+    def cells(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Find the cells that the level passes through: row (n,), column (n,), and case (n,)."""
+        level = np.repeat(self.level, np.diff(self.offsets)).astype(self.field.dtype)
+        above = (self.field > level[:, None]).view(np.uint8)
+        case = above[:-1, :-1] + 2 * above[:-1, 1:] + 4 * above[1:, 1:] + 8 * above[1:, :-1]
+        case[self.offsets[1:-1] - 1] = 0  # between two grids
+        cell = np.flatnonzero((case > 0) & (case < 15))
+        row, column = np.divmod(cell, self.field.shape[1] - 1)
+        return row, column, self._resolve(row, column, case.reshape(-1)[cell].astype(np.int64))
+
+    def _resolve(self, row: np.ndarray, column: np.ndarray, case: np.ndarray) -> np.ndarray:
+        """Join opposite corners where the middle of their cell lies above the level."""
+        saddle = np.flatnonzero((case == 5) | (case == 10))
+        r, c, field = row[saddle], column[saddle], self.field
+        middle = 0.25 * (field[r, c] + field[r, c + 1] + field[r + 1, c] + field[r + 1, c + 1])
+        joined = saddle[middle > self.level[self.of_row(r)]]
+        case[joined] = np.where(case[joined] == 5, 16, 17)
+        return case
+
+    def sides(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        """Number the edges at the left, top, right and bottom of cells, (n, 4)."""
+        height, width = self.field.shape
+        grid = self.of_row(row)
+        wrapped = self.wraps[grid] & (row == self.offsets[grid + 1] - 2)
+        below = np.where(wrapped, self.offsets[grid], row + 1)
+        here, upright = row * width + column, height * width
+        sides = [upright + here, here, upright + here + 1, below * width + column]
+        return np.stack(sides, axis=1)
+
+    def crossings(self, edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Find where the level crosses edges (M,): points (M, 2) as (row, column), and grids (M,)."""
+        height, width = self.field.shape
+        lies = edge < height * width
+        row, column = np.divmod(np.where(lies, edge, edge - height * width), width)
+        grid = self.of_row(row)
+        begin = self.field[row, column]
+        after = np.minimum(row + ~lies, height - 1), np.minimum(column + lies, width - 1)
+        t = (self.level[grid] - begin) / (self.field[after] - begin)
+        points = [row + np.where(lies, 0.0, t), column + np.where(lies, t, 0.0)]
+        return np.stack(points, axis=1), grid
+
+
 def isolines(
     field: np.ndarray, offsets: np.ndarray, wraps: np.ndarray, level: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The polygons round what lies above a level; the region is on one side of all of them, holes turn the other way.
+    """Draw the polygons round what lies above a level, by marching squares, on all grids at once.
+
+    The region is on one side of all of them, holes turn the other way.
 
     Parameters
     ----------
-    field : (H, W) float, grids of one width stacked: grid i is rows offsets[i]:offsets[i+1]. Outermost columns, and
-        the first and last rows of a grid that does not wrap, must not lie above the level: nothing leaves the grid.
+    field : (H, W) float, grids of one width stacked: grid i is rows offsets[i]:offsets[i+1].
+        Outermost columns, and the first and last rows of a grid that does not wrap, must not lie
+        above the level: nothing leaves the grid.
     offsets : (C+1,) int
     wraps : (C,) bool: the last row of such a grid is its first one again
     level : (C,) float
 
     Returns
     -------
-    points (M, 2) float64 as (row, column), offsets (R+1,) of the closed polygons, grid (R,) of each. On a grid that
-    wraps, a polygon may step from the last rows to the first.
+    points (M, 2) float64 as (row, column), offsets (R+1,) of the closed polygons, and the grid (R,)
+    of each. On a grid that wraps, a polygon may step from the last rows to the first.
     """
-    height, width = field.shape
-    above = (field > np.repeat(level, np.diff(offsets)).astype(field.dtype)[:, None]).view(np.uint8)
-    case = above[:-1, :-1] + 2 * above[:-1, 1:] + 4 * above[1:, 1:] + 8 * above[1:, :-1]
-    case[offsets[1:-1] - 1] = 0  # between two grids
-    cell = np.flatnonzero((case > 0) & (case < 15))
-    row, column = np.divmod(cell, width - 1)
-    case = case.reshape(-1)[cell].astype(np.int64)
-    grid = np.searchsorted(offsets, row, side="right") - 1
-    saddle = np.flatnonzero((case == 5) | (case == 10))
-    r, c = row[saddle], column[saddle]
-    middle = 0.25 * (field[r, c] + field[r, c + 1] + field[r + 1, c] + field[r + 1, c + 1])
-    joined = saddle[middle > level[grid[saddle]]]
-    case[joined] = np.where(case[joined] == 5, 16, 17)
-    # edges by number: those along a row (row, column..column + 1) first, then those along a column
-    below = np.where(wraps[grid] & (row == offsets[grid + 1] - 2), offsets[grid], row + 1)
-    upright = height * width
-    here = row * width + column
-    sides = np.stack([upright + here, here, upright + here + 1, below * width + column], axis=1)
-    walk = CASES[case]
-    twice = np.flatnonzero(walk[:, 2] >= 0)
-    one = np.arange(len(walk))
+    grids = _Grids(field, offsets, wraps, level)
+    row, column, case = grids.cells()
+    sides, walk = grids.sides(row, column), CASES[case]
+    one, twice = np.arange(len(walk)), np.flatnonzero(walk[:, 2] >= 0)
     enter = np.r_[sides[one, walk[:, 0]], sides[twice, walk[twice, 2]]]
     leave = np.r_[sides[one, walk[:, 1]], sides[twice, walk[twice, 3]]]
     order = np.argsort(enter)
     edge = enter[order]
     walked, rings = cycles(np.searchsorted(edge, leave[order]))
-    edge = edge[walked]
-    lies = edge < upright
-    row, column = np.divmod(np.where(lies, edge, edge - upright), width)
-    grid = np.searchsorted(offsets, row, side="right") - 1
-    begin = field[row, column]
-    end = field[np.minimum(row + ~lies, height - 1), np.minimum(column + lies, width - 1)]
-    t = (level[grid] - begin) / (end - begin)
-    points = np.stack([row + np.where(lies, 0.0, t), column + np.where(lies, t, 0.0)], axis=1)
+    points, grid = grids.crossings(edge[walked])
     return points, rings, grid[rings[:-1]]
 
 
 def cycles(after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The cycles of a permutation (n,): its elements in walking order (n,), and offsets (R+1,) of the cycles.
+    """Walk the cycles of a permutation: its elements as walked (n,), and the cycles' offsets (R+1,).
 
-    Each cycle begins at its lowest element, and they are sorted by it. By pointer jumping: log n rounds, no loop.
+    Each cycle begins at its lowest element, and they are sorted by it. By pointer jumping: log n
+    rounds, no loop.
+
+    `after` : (n,) int, the element that follows each
     """
-    n = len(after)
-    lowest, jump = np.arange(n), after
+    n, here = len(after), np.arange(len(after))
+    lowest, jump = here, after
     while True:
         lower = np.minimum(lowest, lowest[jump])
         if np.array_equal(lower, lowest):
             break
         lowest, jump = lower, jump[jump]
-    first = lowest == np.arange(n)
+    first = lowest == here
     # steps still to be taken to the cycle's first element
-    steps, jump = np.where(first, 0, 1), np.where(first, np.arange(n), after)
+    steps, jump = np.where(first, 0, 1), np.where(first, here, after)
     while True:
         more = steps[jump]
         if not more.any():
@@ -148,8 +196,7 @@ def cycles(after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         steps, jump = steps + more, jump[jump]
     count = np.bincount(lowest, minlength=n)[first] if n else np.zeros(0, np.int64)
     offsets = np.r_[0, np.cumsum(count)]
-    number = np.cumsum(first) - 1
-    own = number[lowest]
+    own = (np.cumsum(first) - 1)[lowest]
     walked = np.empty(n, np.int64)
-    walked[offsets[own] + np.where(first, 0, count[own] - steps)] = np.arange(n)
+    walked[offsets[own] + np.where(first, 0, count[own] - steps)] = here
     return walked, offsets
