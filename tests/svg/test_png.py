@@ -1,13 +1,14 @@
 """Palette PNGs, decoded by pillow."""
 
 import io
+import zlib
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from strokestyle.svg.palette import Quantiser, ink_palette, used
-from strokestyle.svg.png import encode_png
+from strokestyle.svg.png import encode_png, read_png
 
 
 def decoded(png):
@@ -45,3 +46,24 @@ def test_colours_that_are_not_used_are_not_written():
         [4, 5, 6, 7],
         [12, 13, 14, 15],
     ]
+
+
+@pytest.mark.parametrize("bits, levels", [(4, 16), (8, 256)])
+@pytest.mark.parametrize("width", [1, 6, 7])
+def test_every_value_comes_back_grey_or_by_a_palette(bits, levels, width):
+    rng = np.random.default_rng(0)
+    index = rng.integers(0, levels, (9, width)).astype(np.uint8)
+    palette = rng.integers(0, 256, (levels, 4)).astype(np.uint8)
+    colours = Image.open(io.BytesIO(encode_png(index, palette))).convert("RGBA")
+    assert np.array_equal(np.asarray(colours), palette[index])
+    grey = read_png(encode_png(index, None, bits), 100, "image")
+    assert np.array_equal(np.asarray(grey.convert("L")), index * (17 if bits == 4 else 1))
+
+
+def test_soft_tone_is_smaller_than_its_run_lengths():
+    y, x = np.mgrid[0:80, 0:120]
+    index = np.rint(31 * (0.5 + 0.5 * np.sin(x / 9.0) * np.cos(y / 7.0))).astype(np.uint8)
+    palette = np.rint(255 * ink_palette(np.zeros(3), 32)).astype(np.uint8)
+    runs = zlib.compressobj(8, zlib.DEFLATED, 15, 9, zlib.Z_RLE)
+    lines = np.pad(index, ((0, 0), (1, 0))).tobytes()
+    assert len(encode_png(index, palette)) < 0.8 * len(runs.compress(lines) + runs.flush())

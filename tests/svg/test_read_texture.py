@@ -12,7 +12,7 @@ from svg_programs import small
 from strokestyle.drawing.ribbon import overlaps, ribbon, strip_points
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture
 from strokestyle.geometry.affine import IDENTITY
-from strokestyle.svg.png import png
+from strokestyle.svg.png import encode_png
 from strokestyle.svg.read import read_svg, read_svg_file
 from strokestyle.svg.read_texture import MAX_PIXELS, Budget, Shape, covered, drawn_strip
 from strokestyle.svg.write import png_from_svg, write_svg
@@ -169,7 +169,7 @@ def test_faint_strokes_have_as_many_levels():
 
 def test_damaged_images_are_named():
     band = ribbon(line([2, 2], [8, 2]), 0, 0.0)
-    huge = png(np.zeros((2, 2), np.uint8), None, 8, {0: 0})
+    huge = encode_png(np.zeros((2, 2), np.uint8), None)
     huge = huge[:16] + (9000).to_bytes(4, "big") * 2 + huge[24:]
     assert 9000 * 9000 > MAX_PIXELS
     for data, found in (

@@ -6,7 +6,6 @@ import numpy as np
 
 from .format import IMAGE_COLORS
 
-MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
 CELLS = 24  # a channel, of the table from colours to their place in a palette
 
 

@@ -1,4 +1,4 @@
-"""Write and read small PNG images."""
+"""Encode images of few values as PNG, and decode PNGs from anywhere within limits."""
 
 from __future__ import annotations
 
@@ -9,57 +9,54 @@ import zlib
 import numpy as np
 from PIL import Image
 
-from .palette import MODES
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
 
 
-def encode_png(index: np.ndarray, palette: np.ndarray) -> bytes:
-    """Palette indices (h, w) uint8 and straight RGBA colours (n, 4) uint8 -> PNG.
+def encode_png(index: np.ndarray, palette: np.ndarray | None, bits: int | None = None) -> bytes:
+    """Encode an image of few values as a PNG.
 
-    4 bits where they do, and then run lengths only: smaller for grain than what pillow writes, and ten times faster.
+    Its lines are not filtered, and zlib's default strategy packs them: of the images of the project's examples that
+    leaves 1 to 18 % fewer bytes than run lengths alone (`Z_RLE`), and hardly more than the better of two filters.
+
+    Parameters
+    ----------
+    index : (h, w) uint8, places in the palette, or levels of grey
+    palette : (n, 4) uint8, straight RGBA; None for grey
+    bits : of a value, 4 or 8; None: 4 where the palette needs no more
     """
-    if len(palette) <= 16:
-        return png(index, palette, 4, {0: zlib.Z_RLE})
-    # many levels are soft tone: a line is much like the one above it
-    return png(index, palette, 8, {0: zlib.Z_RLE, 2: zlib.Z_FILTERED})
-
-
-def png(index: np.ndarray, palette: np.ndarray | None, bits: int, ways: dict[int, int]) -> bytes:
-    """Values (h, w) uint8 of 4 or 8 bits as a PNG, grey or with a palette of straight RGBA (n, 4) uint8.
-
-    `ways` has a strategy of zlib for each PNG filter to try: 0, or 2, the difference to the line above. The one that
-    leaves the fewest run lengths is taken.
-    """
+    if bits is None:
+        bits = 4 if palette is not None and len(palette) <= 16 else 8
     height, width = index.shape
     lines = index
     if bits == 4:
         even = np.pad(index, ((0, 0), (0, width % 2)))
         lines = (even[:, ::2] << 4) | even[:, 1::2]
     header = struct.pack(">IIBBBBB", width, height, bits, 0 if palette is None else 3, 0, 0, 0)
-    parts = [(b"IHDR", header)]
+    chunks = [(b"IHDR", header)]
     if palette is not None:
-        parts += [(b"PLTE", palette[:, :3].tobytes()), (b"tRNS", palette[:, 3].tobytes())]
-    runs = {filtering: _deflated(lines, filtering, zlib.Z_RLE) for filtering in ways}
-    best = min(runs, key=lambda filtering: len(runs[filtering]))
-    packed = runs[best] if ways[best] == zlib.Z_RLE else _deflated(lines, best, ways[best])
-    parts += [(b"IDAT", packed), (b"IEND", b"")]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        chunks += [(b"PLTE", palette[:, :3].tobytes()), (b"tRNS", palette[:, 3].tobytes())]
+    chunks += [(b"IDAT", _deflated(lines)), (b"IEND", b"")]
+    return SIGNATURE + b"".join(
         struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-        for name, body in parts
+        for name, body in chunks
     )
 
 
-def _deflated(lines: np.ndarray, filtering: int, strategy: int) -> bytes:
-    if filtering == 2:
-        lines = lines - np.concatenate([np.zeros_like(lines[:1]), lines[:-1]])
-    lines = np.concatenate([np.full((len(lines), 1), filtering, np.uint8), lines], axis=1)
+def _deflated(lines: np.ndarray) -> bytes:
+    """Lines (h, bytes) uint8 as a PNG packs them, each after the number of its filter: none."""
+    unfiltered = np.pad(lines, ((0, 0), (1, 0)))
     # level 9 takes twice as long for half a hundredth less
-    packer = zlib.compressobj(8, zlib.DEFLATED, 15, 9, strategy)
-    return packer.compress(lines.tobytes()) + packer.flush()
+    packer = zlib.compressobj(8, zlib.DEFLATED, 15, 9)
+    return packer.compress(unfiltered.tobytes()) + packer.flush()
 
 
 def read_png(data: bytes, most: int, what: str) -> Image.Image:
-    """A PNG of at most `most` pixels, none of which is unpacked before its size is known. Raises ValueError."""
-    if len(data) < 33 or not data.startswith(b"\x89PNG\r\n\x1a\n") or data[12:16] != b"IHDR":
+    """Decode a PNG of at most `most` pixels, none of which is unpacked before its size is known.
+
+    Raises ValueError, which calls the image `what`, on what is no PNG, is damaged or too large.
+    """
+    if len(data) < 33 or not data.startswith(SIGNATURE) or data[12:16] != b"IHDR":
         raise ValueError(f"its {what} is no PNG")
     width, height = struct.unpack(">II", data[16:24])
     if not 0 < width * height <= most:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import zlib
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -12,13 +11,12 @@ from ..drawing.strip import texel_places
 from ..drawing.strokes import Drawing
 from .format import LIMITS, STRIP_COLORS, STRIP_LEVELS
 from .palette import quantise
-from .png import png, read_png
+from .png import encode_png, read_png
 
 ONE_INK = (
     1.5 / 255
 )  # rms; colours nearer than this to the stroke's ink need no palette: the PNG is its opacity
 SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
-WAYS = {0: zlib.Z_DEFAULT_STRATEGY, 2: zlib.Z_DEFAULT_STRATEGY}  # of packing its PNG
 
 
 def strips_png(drawing: Drawing, index=None, levels: int = STRIP_LEVELS) -> list[bytes]:
@@ -36,7 +34,7 @@ def strips_png(drawing: Drawing, index=None, levels: int = STRIP_LEVELS) -> list
             level = np.rint(np.clip(_smaller(alpha, rows, columns), 0, 1) * (levels - 1)) / (
                 levels - 1
             )
-            made.append(png(np.rint(15 * level).astype(np.uint8).T, None, 4, WAYS))
+            made.append(encode_png(np.rint(15 * level).astype(np.uint8).T, None, 4))
         else:
             strip[..., :3] *= alpha[..., None]
             small = np.stack([_smaller(strip[..., k], rows, columns) for k in range(4)], axis=-1)
@@ -44,7 +42,7 @@ def strips_png(drawing: Drawing, index=None, levels: int = STRIP_LEVELS) -> list
             small[..., :3] = np.minimum(small[..., :3], small[..., 3:])
             place, palette = quantise(small.reshape(-1, 4), STRIP_COLORS - 1)
             palette = np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)
-            made.append(png(place.reshape(rows, columns).T, palette, 4, WAYS))
+            made.append(encode_png(place.reshape(rows, columns).T, palette))
     return made
 
 
