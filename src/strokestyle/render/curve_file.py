@@ -1,4 +1,4 @@
-"""Curves that another program drew, laid on the canvas: the .json of `strokestyle extract`, or any .svg or .svgz."""
+"""Curves that another program drew, laid on the canvas: a .json, or an SVG."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from ..svg.read_curves import read_curves_svg
 
 
 def load_curves(path: str | Path, size: tuple[int, int], tolerance: float = 0.1) -> Curves:
-    """Curves of a .json or .svg file on a canvas of `size` (width, height) pixels.
+    """Read the curves of a .json, .svg or .svgz file onto a canvas.
 
-    The file's page is scaled to the canvas without distortion, and centred where their proportions differ. Curves are
-    neither resampled nor clipped. Curves without two distinct points are left out, and so is an SVG's paper: a closed
-    shape that runs along the page's edge. A curve is closed where its last point is its first.
+    The file's page is scaled to the canvas without distortion, and centred where their proportions
+    differ. Curves are neither resampled nor clipped. Curves without two distinct points are left
+    out, and so is an SVG's background: a closed shape that runs along the page's edge. A curve is
+    closed where its last point is its first.
 
-    A .json file has "curves" [[[x, y], ...], ...] and perhaps "kinds" [name, ...], "closed" [true, ...] and "size"
-    [width, height]; without a size its coordinates are the canvas's pixels. In an .svg file every subpath of path,
-    line, polyline, polygon, rect, circle and ellipse is a curve, of the kind that its own or its nearest ancestor's
-    label, id or class names; of one of our own strokes it is the centre line. Definitions and hidden elements are
-    skipped, and so are our own layers of hidden lines; `use` is not followed.
+    A .json file, such as `strokestyle extract` writes, has "curves" [[[x, y], ...], ...] and
+    perhaps "kinds" [name, ...], "closed" [true, ...] and "size" [width, height]; without a size its
+    coordinates are the canvas's pixels. In an .svg file every subpath of path, line, polyline,
+    polygon, rect, circle and ellipse is a curve, of the kind that its own or its nearest ancestor's
+    label, id or class names; of one of our own strokes it is the centre line. Definitions and
+    hidden elements are skipped, and so are our own layers of hidden lines; `use` is not followed.
 
     Parameters
     ----------

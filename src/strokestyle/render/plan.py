@@ -28,7 +28,7 @@ GAP_COST = 2.0  # degrees that a px of gap counts as, where several ends compete
 
 @dataclass(frozen=True)
 class Planned:
-    """Strokes that still lie on the curves, and where on the curves each of their points comes from.
+    """Strokes that still lie on the curves, and where on the curves their points come from.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def _evenly(curves: Curves, spacing: float) -> list[_Path]:
 
 
 def _planned(paths: list[_Path], steps: np.ndarray, rows: int) -> Planned:
-    """Put paths, each run on at both ends by `steps` px (k,), together; `rows` of curves lie below."""
+    """Put together paths that run on at both ends by `steps` px (k,); the curves have `rows`."""
     counts = [len(path.xy) for path in paths]
     xy = np.concatenate([path.xy for path in paths]) if paths else np.zeros((0, 2))
     place = np.concatenate([path.place for path in paths]) if paths else np.zeros(0)
@@ -232,7 +232,8 @@ def _match(pairs: np.ndarray, count: int) -> dict[int, int]:
 
 def _chains(partner: dict[int, int], count: int) -> list[list[int]]:
     """The ends by which the paths of each chain are entered, one after the other."""
-    chains, done = [], set()
+    chains: list[list[int]] = []
+    done: set[int] = set()
     for i in range(count):
         if i in done:
             continue

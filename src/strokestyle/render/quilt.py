@@ -1,7 +1,13 @@
-"""Texture by example: lay strips of the bank along new strokes."""
+"""Texture by example: lay strips of the bank along new strokes, as image quilting does.
+
+A new strip is copied in runs, each from consecutive rows of a strip of the bank. A run is chosen
+for every NODE px by the cheapest sequence (`choose_runs`), and runs are joined along least-error
+cuts (`lay_runs`). After Efros and Freeman 2001, along one dimension.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +22,7 @@ from .texture_bank import (
     INK_SIGMA,
     OWN_REGRESSORS,
     ROWS,
+    Rows,
     TextureBank,
     bank_columns,
     check_strokes,
@@ -27,26 +34,48 @@ from .texture_bank import (
 )
 
 NODE = 4  # px between the choices along a new stroke
-CANDIDATES = 24  # source positions weighed at every choice
-LUCK = 0.3  # how far chance decides between sources that cost about the same
-FLAW, JUMP, SEEN, OVER = (
-    12.0,
-    3.0,
-    60.0,
-    4.0,
-)  # costs: of hidden rows, of a joint, of what it shows, past a strip's end
-LEAST_NOISE = np.array([0.03, 0.02, 0.02, 0.02])
-TONE_COST, WIDTH_COST = 0.7, 5.8  # weights of a standard deviation of tone, of a factor e in width
+STEP = NODE * ROWS  # the same in rows
+CANDIDATES = 24  # source rows weighed at every choice
+RANDOMNESS = 0.3  # mean of what chance adds to a source's cost
+
+# Costs of laying a source row on a new one
+INK_COST, WIDTH_COST = 0.7, 5.8  # of a standard deviation of ink, of a factor e in width
+OCCLUSION_COST = 12.0  # of a row that other strokes hide
+MAX_OCCLUSION = 0.4  # above this a row is as good as never laid
+FORBIDDEN = 100.0  # the cost of that
+MIN_NOISE = np.array([0.03, 0.02, 0.02, 0.02])  # of opacity and colour, for media without any
+MIN_END = -8.0  # px past an end; what lies farther is alike
+# px of error in an end's distance that cost 1, and how many more for each px away from the end
+END_ERROR, END_ERROR_SLOPE = 4.0, 0.25
+
+# Costs of a joint between two runs
+JUMP_COST = 3.0  # of any
+SEEN_COST = 60.0  # of the squared difference in appearance
+STRIP_OVER_COST = 4.0  # where the strip ended
+
 FEATHER = 3.0  # rows over which two runs fade into each other at a cut
 HALF_CUT = 4  # px to either side of a joint within which the least-error cut is sought
+CHUNK = 8192  # rows that are copied at a time
 
 
 def synthesise(
     bank: TextureBank, strokes: Strokes, features: np.ndarray, seed: int = 0
 ) -> tuple[Texture | None, np.ndarray]:
-    """Texture for new strokes, and the flat ink of each: (Texture or None, (C, 4) straight RGBA in [0, 1]).
+    """Make texture for new strokes.
 
-    The same bank, strokes, features and seed give the same texture. Raises ValueError on features that do not fit.
+    Parameters
+    ----------
+    bank : of the medium
+    strokes : C of them, in px of the style's canvas
+    features : (N, P), at their points, as `learn_texture` was given
+    seed : same arguments and seed, same texture
+
+    Returns
+    -------
+    The texture, or None where the medium is flat ink; and the flat ink of each stroke, (C, 4)
+    straight RGBA in [0, 1].
+
+    Raises ValueError on features that do not fit the strokes or the bank.
     """
     features = check_strokes(strokes, features)
     known = bank.scale.shape[1] - OWN_REGRESSORS
@@ -56,19 +85,19 @@ def synthesise(
         )
     if not len(strokes):
         return None, np.zeros((0, 4))
-    margin = bank.margin
-    rows = stroke_rows(strokes, features, margin)
+    rows = stroke_rows(strokes, features, bank.margin)
     predicted = regressors_of(rows, bank.scale.astype(np.float64)) @ bank.weights
-    low, high = bank.local_ink.min(axis=0), bank.local_ink.max(axis=0)
-    predicted = np.clip(predicted, low, high)
+    predicted = np.clip(predicted, bank.local_ink.min(axis=0), bank.local_ink.max(axis=0))
     if bank.flat:
         return None, stroke_ink(rows, solid_ink(predicted, bank))
-    rng = np.random.default_rng(seed)
-    strips = lay_runs(bank, rows, choose_runs(bank, rows, predicted, rng), predicted)
-    return Texture(_turn(strips, rows), rows.offsets, margin), stroke_ink(rows, predicted)
+    runs = choose_runs(bank, rows, predicted, np.random.default_rng(seed))
+    strips = _turned(lay_runs(bank, rows, runs, predicted), rows)
+    margin = np.full(len(strokes), bank.margin)
+    return Texture(strips, rows.offsets, margin), stroke_ink(rows, predicted)
 
 
-def _turn(strips, rows):
+def _turned(strips: np.ndarray, rows: Rows) -> np.ndarray:
+    """Strips in the direction of their strokes' points."""
     out = strips.copy()
     for i in np.flatnonzero(rows.turned):
         part = slice(rows.offsets[i], rows.offsets[i + 1])
@@ -76,13 +105,19 @@ def _turn(strips, rows):
     return out
 
 
+# ------------------------------------------------------------------------------------- which rows
+
+
 @dataclass(frozen=True)
 class Runs:
-    """Which source row every row of the new strips copies: row r copies r + shift, within its source's strip.
+    """Which source row each row of the new strips copies: row r copies r + shift, within a strip.
 
-    first : (C+1,) int64, nodes of stroke i are first[i]:first[i+1], one every NODE px
+    Parameters
+    ----------
+    first : (C+1,) int64, the nodes of stroke i are first[i]:first[i+1], one every NODE px
     begin : (K,) int64, first row of each node's stretch
-    shift, low, high : (K,) int64
+    shift : (K,) int64, from new row to source row
+    low, high : (K,) int64, first and last row of the strip that a node copies from
     """
 
     first: np.ndarray
@@ -91,213 +126,355 @@ class Runs:
     low: np.ndarray
     high: np.ndarray
 
-    def source(self, node, row):
+    def source(self, node: np.ndarray, row: np.ndarray) -> np.ndarray:
+        """The source of new rows, if the runs of these nodes were followed so far."""
         return np.clip(row + self.shift[node], self.low[node], self.high[node])
 
 
-def choose_runs(bank, rows, predicted, rng, barred=None) -> Runs:
-    """The cheapest sequence of source rows along every stroke: Viterbi over candidates.
+def choose_runs(
+    bank: TextureBank,
+    rows: Rows,
+    predicted: np.ndarray,
+    rng: np.random.Generator,
+    excluded: np.ndarray | None = None,
+) -> Runs:
+    """Choose the cheapest sequence of source rows along every stroke.
 
-    `barred` (C, S) bool: strips that a stroke may not copy from.
+    Parameters
+    ----------
+    bank : T source rows in S strips
+    rows : of the new strips, R in all
+    predicted : (R, 4), the ink that they should have
+    rng : decides between sources that cost about the same
+    excluded : (C, S) bool, strips that a stroke may not copy from
     """
-    step = NODE * ROWS
-    offsets = rows.offsets
-    count = -(-np.diff(offsets) // step)
+    count = -(-np.diff(rows.offsets) // STEP)
     first = np.r_[0, np.cumsum(count)]
     stroke = owner(first)
-    begin = offsets[stroke] + (np.arange(first[-1]) - first[stroke]) * step
-    middle = np.minimum(begin + step // 2, offsets[stroke + 1] - 1)
-    target, source = _cost_factors(bank, rows, predicted, middle)
+    begin = rows.offsets[stroke] + (np.arange(first[-1]) - first[stroke]) * STEP
+    middle = np.minimum(begin + STEP // 2, rows.offsets[stroke + 1] - 1)
+    target, source = cost_factors(bank, rows, predicted, middle)
     strip = owner(bank.offsets)
-    every = np.arange(0, len(bank.width), ROWS)  # source rows on offer
-    few = min(CANDIDATES, len(every))
-    near = np.empty((len(middle), few), np.int64)
-    for a in range(0, len(middle), 1024):
-        part = slice(a, a + 1024)
-        grid = target[part] @ source[every].T
-        grid += LUCK * rng.standard_exponential(grid.shape, np.float32)
-        if barred is not None:
-            grid[barred[stroke[part]][:, strip[every]]] += 1e6
-        near[part] = every[np.argpartition(grid, few - 1, axis=1)[:, :few]]
-    # the row that follows a node's, and none where the strip is over
-    follows = np.full(len(bank.width), -1)
-    r = np.arange(len(bank.width) - step)
-    follows[r] = np.where(strip[r] == strip[r + step], r + step, -1)
-    chosen = _viterbi(bank.appearance, near, first, target, source, follows)
+    barred = None if excluded is None else excluded[stroke][:, strip[::ROWS]]
+    near = _cheapest_sources(target, source, rng, barred)
+    chosen = cheapest_sequence(bank.appearance, near, first, target, source, _followers(strip))
     home = strip[chosen]
     return Runs(
-        first, begin, chosen - begin - step // 2, bank.offsets[home], bank.offsets[home + 1] - 1
+        first, begin, chosen - begin - STEP // 2, bank.offsets[home], bank.offsets[home + 1] - 1
     )
 
 
-def _cost_factors(bank, rows, predicted, node):
-    """(K, D) and (T, D) float32, whose inner product is the cost of laying a source row on a node's row."""
-    noise = np.maximum(bank.noise, LEAST_NOISE)
+def _cheapest_sources(
+    target: np.ndarray, source: np.ndarray, rng: np.random.Generator, barred: np.ndarray | None
+) -> np.ndarray:
+    """The CANDIDATES source rows (K, W) that are cheapest to lay on each node, and chance.
 
-    def plain(tone, width):
+    Every ROWS-th source row is on offer; `barred` (K, T / ROWS) bool says which are not.
+    """
+    every = np.arange(0, len(source), ROWS)
+    few = min(CANDIDATES, len(every))
+    near = np.empty((len(target), few), np.int64)
+    for a in range(0, len(target), 1024):
+        part = slice(a, a + 1024)
+        cost = target[part] @ source[every].T
+        cost += RANDOMNESS * rng.standard_exponential(cost.shape, np.float32)
+        if barred is not None:
+            cost[barred[part]] += 1e6
+        near[part] = every[np.argpartition(cost, few - 1, axis=1)[:, :few]]
+    return near
+
+
+def _followers(strip: np.ndarray) -> np.ndarray:
+    """The source row (T,) that lies a node's stretch after each; -1 where the strip is over."""
+    follows = np.full(len(strip), -1)
+    r = np.arange(len(strip) - STEP)
+    follows[r] = np.where(strip[r] == strip[r + STEP], r + STEP, -1)
+    return follows
+
+
+def cost_factors(
+    bank: TextureBank, rows: Rows, predicted: np.ndarray, node: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Factor the cost of laying source rows on new ones into an inner product.
+
+    The cost is the sum of squared differences, in ink by its noise, in the logarithm of width, and
+    in the distance to both ends by END_ERROR and END_ERROR_SLOPE; and what an occluded row costs.
+
+    Parameters
+    ----------
+    predicted : (R, 4), the ink that new rows should have
+    node : (K,), the new rows that are asked for
+
+    Returns
+    -------
+    (K, D) and (T, D) float32: the cost of source row t on node k is the product of their rows.
+    """
+    noise = np.maximum(bank.noise, MIN_NOISE)
+
+    def plain(ink: np.ndarray, width: np.ndarray) -> np.ndarray:
         return np.concatenate(
-            [TONE_COST * tone / noise, WIDTH_COST * np.log(width[:, None] + 1.0)], axis=1
+            [INK_COST * ink / noise, WIDTH_COST * np.log(width[:, None] + 1.0)], axis=1
         )
 
-    ends = np.clip(rows.ends[node], -8.0, END)
-    weight = 1.0 / np.square(4.0 + 0.25 * np.maximum(ends, 0.0))
+    ends = np.clip(rows.ends[node], MIN_END, END)
+    weight = 1.0 / np.square(END_ERROR + END_ERROR_SLOPE * np.maximum(ends, 0.0))
     mine = plain(predicted[node], rows.width[node])
-    constant = np.square(mine).sum(axis=1, keepdims=True) + (weight * ends * ends).sum(
-        axis=1, keepdims=True
-    )
+    constant = np.square(mine).sum(axis=1, keepdims=True)
+    constant = constant + (weight * ends * ends).sum(axis=1, keepdims=True)
     target = [constant, np.ones((len(node), 1)), -2.0 * mine, weight, -2.0 * weight * ends]
-    width, flaw = bank.width, bank.occlusion[:, None]
-    theirs, at = plain(bank.predicted_ink, width), np.clip(bank.ends, -8.0, END)
+
+    theirs, at = plain(bank.predicted_ink, bank.width), np.clip(bank.ends, MIN_END, END)
+    occlusion = bank.occlusion[:, None]
     constant = (
         np.square(theirs).sum(axis=1, keepdims=True)
-        + FLAW * flaw
-        + np.where(flaw > 0.4, 100.0, 0.0)
+        + OCCLUSION_COST * occlusion
+        + np.where(occlusion > MAX_OCCLUSION, FORBIDDEN, 0.0)
     )
-    source = [np.ones((len(width), 1)), constant, theirs, at * at, at]
-    return np.concatenate(target, axis=1).astype(np.float32), np.concatenate(source, axis=1).astype(
-        np.float32
-    )
+    source = [np.ones((len(bank.width), 1)), constant, theirs, at * at, at]
+    factors = np.concatenate(target, axis=1), np.concatenate(source, axis=1)
+    return factors[0].astype(np.float32), factors[1].astype(np.float32)
 
 
-def _viterbi(look, near, first, target, source, follows):
-    """The source row (K,) of every node; all strokes in step, the longest first."""
+def cheapest_sequence(
+    appearance: np.ndarray,
+    near: np.ndarray,
+    first: np.ndarray,
+    target: np.ndarray,
+    source: np.ndarray,
+    follows: np.ndarray,
+) -> np.ndarray:
+    """Choose a source row (K,) for every node by dynamic programming (Viterbi).
+
+    A node may take one of its own W candidates, or one of the W cheapest rows that follow what the
+    node before may take. The cost of a sequence is that of laying its rows, and of its joints:
+    none where a row follows the one before; otherwise JUMP_COST, what is seen of it, and
+    STRIP_OVER_COST where the strip of the one before ends there.
+
+    Parameters
+    ----------
+    appearance : (T, D)
+    near : (K, W), candidates of each node
+    first : (C+1,), the nodes of stroke i are first[i]:first[i+1]
+    target, source : (K, E), (T, E), of `cost_factors`
+    follows : (T,), the row that follows each, -1 where none does
+    """
     count = np.diff(first)
-    order = np.argsort(-count, kind="stable")
-    few = near.shape[1]
+    order = np.argsort(-count, kind="stable")  # all strokes in step, the longest first
     head = first[order]
-    candidates = [near[head]]
-    total = np.einsum("bwd,bd->bw", source[near[head]], target[head])
-    back = []
-    totals = [total]
+    lattice = _Lattice(appearance, near, target, source, follows)
+    layers = [lattice.begin(head)]
     for k in range(1, int(count.max(initial=0))):
         live = int((count > k).sum())
-        node = head[:live] + k
-        last, total = candidates[-1][:live], totals[-1][:live]
-        on = follows[last]
-        over = on < 0
-        cost = np.einsum("bwd,bd->bw", source[on], target[node]) + total
-        cost[over] = np.inf
+        layers.append(lattice.extend(layers[-1], head[:live] + k))
+    chosen = np.empty(first[-1], np.int64)
+    at = np.zeros(len(count), np.int64)
+    for k, layer in reversed(list(enumerate(layers))):
+        live = len(layer.rows)
+        ends = np.flatnonzero(count[order[:live]] == k + 1)
+        at[ends] = layer.total[ends].argmin(axis=1)
+        stroke = np.arange(live)
+        chosen[head[:live] + k] = layer.rows[stroke, at[:live]]
+        if layer.back is not None:
+            at[:live] = layer.back[stroke, at[:live]]
+    return chosen
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """What the k-th nodes of B strokes may take.
+
+    Parameters
+    ----------
+    rows : (B, W'), source rows
+    total : (B, W'), the cost of the cheapest sequence that ends with each
+    back : (B, W'), which of the layer before that sequence comes from; None in the first
+    """
+
+    rows: np.ndarray
+    total: np.ndarray
+    back: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class _Lattice:
+    """What `cheapest_sequence` searches; fields are its arguments."""
+
+    appearance: np.ndarray
+    near: np.ndarray
+    target: np.ndarray
+    source: np.ndarray
+    follows: np.ndarray
+
+    def _laid(self, rows: np.ndarray, node: np.ndarray) -> np.ndarray:
+        """The cost (B, W) of laying source rows (B, W) on nodes (B,)."""
+        return np.einsum("bwd,bd->bw", self.source[rows], self.target[node])
+
+    def begin(self, node: np.ndarray) -> _Layer:
+        """The layer of the strokes' first nodes (B,)."""
+        rows = self.near[node]
+        return _Layer(rows, self._laid(rows, node), None)
+
+    def extend(self, before: _Layer, node: np.ndarray) -> _Layer:
+        """The layer of the next nodes (B,); strokes beyond these are over."""
+        last, total = before.rows[: len(node)], before.total[: len(node)]
+        following = self.follows[last]
+        rows = np.concatenate(
+            [self.near[node], self._cheapest_following(following, total, node)], axis=1
+        )
+        reach = self._joint_costs(last, following, rows)
+        reach += total[:, :, None]
+        back = reach.argmin(axis=1)
+        reached = np.take_along_axis(reach, back[:, None], axis=1)[:, 0]
+        return _Layer(rows, reached + self._laid(rows, node), back)
+
+    def _cheapest_following(
+        self, following: np.ndarray, total: np.ndarray, node: np.ndarray
+    ) -> np.ndarray:
+        """The W rows (B, W) that are reached most cheaply by going on; candidates for want."""
+        few = self.near.shape[1]
+        cost = self._laid(following, node) + total
+        cost[following < 0] = np.inf
         best = np.argpartition(cost, few - 1, axis=1)[:, :few]
-        ahead = np.take_along_axis(on, best, axis=1)
-        ahead = np.where(ahead < 0, near[node], ahead)
-        here = np.concatenate([near[node], ahead], axis=1)
-        x, y = look[np.where(over, last, on)], look[here]
-        seam = (
+        rows = np.take_along_axis(following, best, axis=1)
+        return np.where(rows < 0, self.near[node], rows)
+
+    def _joint_costs(self, last: np.ndarray, following: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """The cost (B, V, W) of a joint between each of `last` (B, V) and each of `rows` (B, W)."""
+        over = following < 0
+        x = self.appearance[np.where(over, last, following)]
+        y = self.appearance[rows]
+        seen = (
             np.square(x).sum(axis=2)[:, :, None]
             + np.square(y).sum(axis=2)[:, None]
             - 2.0 * x @ y.swapaxes(1, 2)
         )
-        move = JUMP + SEEN * np.maximum(seam, 0.0) + OVER * over[:, :, None]
-        move[on[:, :, None] == here[:, None]] = 0.0
-        move += total[:, :, None]
-        best = move.argmin(axis=1)
-        back.append(best)
-        candidates.append(here)
-        reached = np.take_along_axis(move, best[:, None], axis=1)[:, 0]
-        totals.append(reached + np.einsum("bwd,bd->bw", source[here], target[node]))
-    chosen = np.empty(first[-1], np.int64)
-    at = np.zeros(len(count), np.int64)
-    for k in range(len(candidates) - 1, -1, -1):
-        live = int((count > k).sum())
-        ends = np.flatnonzero(count[order[:live]] == k + 1)
-        at[ends] = totals[k][ends].argmin(axis=1)
-        b = np.arange(live)
-        chosen[head[:live] + k] = candidates[k][b, at[:live]]
-        if k:
-            at[:live] = back[k - 1][b, at[:live]]
-    return chosen
+        cost = JUMP_COST + SEEN_COST * np.maximum(seen, 0.0) + STRIP_OVER_COST * over[:, :, None]
+        cost[following[:, :, None] == rows[:, None]] = 0.0
+        return cost
 
 
-def lay_runs(bank, rows, runs: Runs, predicted) -> np.ndarray:
-    """Copy the chosen runs into strips (R, A, 4) uint8 for the new strokes, and hide their joints."""
-    columns, step = bank_columns(rows, bank.margin), NODE * ROWS
+# --------------------------------------------------------------------------------------- copying
+
+
+def lay_runs(bank: TextureBank, rows: Rows, runs: Runs, predicted: np.ndarray) -> np.ndarray:
+    """Copy the chosen runs into strips (R, A, 4) uint8 for new strokes, and hide their joints."""
+    columns = bank_columns(rows, bank.margin)
     stroke = owner(rows.offsets)
     every = np.arange(len(stroke))
-    node = np.minimum(
-        runs.first[stroke] + (every - rows.offsets[stroke]) // step, runs.first[stroke + 1] - 1
-    )
-    copied = runs.source(node, every)
-    # tone: what the features ask for here, and beyond that what the source had, carried smoothly over the joints
-    wanted = predicted + smooth_rows(_luck(bank, copied, stroke), rows.offsets, INK_SIGMA * ROWS)
+    node = runs.first[stroke] + (every - rows.offsets[stroke]) // STEP
+    copied = runs.source(np.minimum(node, runs.first[stroke + 1] - 1), every)
+    # The ink is what the features ask for here, and beyond that what the source had, carried
+    # smoothly over the joints.
+    beside = smooth_rows(_ink_residual(bank, copied, stroke), rows.offsets, INK_SIGMA * ROWS)
+    wanted = predicted + beside
 
-    def copy(source, row):
-        return _toned(
-            _resampled(bank, source, rows.width[row], columns), bank.local_ink[source], wanted[row]
-        )
+    def copy(source: np.ndarray, row: np.ndarray) -> np.ndarray:
+        laid = resampled(bank, source, rows.width[row], columns)
+        return _with_ink(laid, bank.local_ink[source], wanted[row])
 
-    layer = np.concatenate(
-        [copy(copied[a : a + 8192], every[a : a + 8192]) for a in range(0, len(every), 8192)]
-    )
-    for before, after, ahead in _joints(rows, runs):
-        _join(layer, copy, rows, runs, before, after, ahead)
-    layer *= _caps(rows, bank.ends[copied], bank.margin, columns)
+    starts = range(0, len(every), CHUNK)
+    layer = np.concatenate([copy(copied[a : a + CHUNK], every[a : a + CHUNK]) for a in starts])
+    for joints in _joints(rows, runs):
+        _join(layer, copy, rows, runs, joints)
+    layer *= caps(rows, bank.ends[copied], bank.margin, columns)
     return np.rint(np.clip(straight(layer, least=1e-4), 0, 1) * 255).astype(np.uint8)
 
 
-def _luck(bank, copied, stroke):
-    """Tone (R, 4) beyond what the features ask for, of rows of new strokes that copy the rows `copied`.
+def _ink_residual(bank: TextureBank, copied: np.ndarray, stroke: np.ndarray) -> np.ndarray:
+    """What local ink (R, 4) new rows have beside the prediction, if they copy the rows `copied`.
 
-    What sets a whole stroke apart, its pressure or its colour, is one for all of a new stroke: that of the strip which
-    most of it is copied from.
+    What sets a whole stroke apart, its pressure or its colour, is one for all of a new stroke:
+    that of the strip which most of it is copied from. `stroke` (R,) is that of the new rows.
     """
-    strips = len(bank.offsets) - 1
+    strips, home = len(bank.offsets) - 1, owner(bank.offsets)
     trust = 1.001 - bank.occlusion
-    beyond, home = bank.local_ink - bank.predicted_ink, owner(bank.offsets)
+    beside = bank.local_ink - bank.predicted_ink
     total = np.bincount(home, trust, minlength=strips)
-    own = np.stack(
-        [np.bincount(home, trust * column, minlength=strips) for column in beyond.T], axis=1
-    )
-    own /= total[:, None]
-    used = np.bincount(stroke * strips + home[copied], minlength=(stroke[-1] + 1) * strips).reshape(
-        -1, strips
-    )
-    return beyond[copied] - own[home[copied]] + own[used.argmax(axis=1)][stroke]
+    sums = [np.bincount(home, trust * column, minlength=strips) for column in beside.T]
+    of_strip = np.stack(sums, axis=1)
+    of_strip /= total[:, None]
+    used = np.bincount(stroke * strips + home[copied], minlength=(stroke[-1] + 1) * strips)
+    most = used.reshape(-1, strips).argmax(axis=1)
+    return beside[copied] - of_strip[home[copied]] + of_strip[most][stroke]
 
 
-def _joints(rows, runs):
-    """Groups of joints that do not touch each other: (node before, node after, rows by which the way wraps)."""
+@dataclass(frozen=True)
+class _Joints:
+    """Joints that do not touch each other: where the run of one node gives way to another's.
+
+    Parameters
+    ----------
+    before, after : (J,) nodes
+    wrap : (J,), rows by which the way from `before` to `after` goes round a closed stroke
+    """
+
+    before: np.ndarray
+    after: np.ndarray
+    wrap: np.ndarray
+
+
+def _joints(rows: Rows, runs: Runs) -> Iterator[_Joints]:
+    """Every other joint of each stroke, the rest of them, and where closed strokes close."""
     count = np.diff(runs.first)
     stroke = owner(runs.first)
     after = np.setdiff1d(np.arange(runs.first[-1]), runs.first[:-1])
-    after = after[
-        (runs.shift[after] != runs.shift[after - 1]) | (runs.low[after] != runs.low[after - 1])
-    ]
+    changes = runs.shift[after] != runs.shift[after - 1]
+    after = after[changes | (runs.low[after] != runs.low[after - 1])]
     ordinal = np.arange(len(after)) - np.searchsorted(after, runs.first[stroke[after]])
     for parity in (0, 1):
         group = after[ordinal % 2 == parity]
-        yield group - 1, group, np.zeros(len(group), np.int64)
+        yield _Joints(group - 1, group, np.zeros(len(group), np.int64))
     loop = np.flatnonzero(rows.closed & (count > 1))
-    yield runs.first[loop + 1] - 1, runs.first[loop], np.diff(rows.offsets)[loop]
+    yield _Joints(runs.first[loop + 1] - 1, runs.first[loop], np.diff(rows.offsets)[loop])
 
 
-def _join(layer, copy, rows, runs, before, after, ahead):
-    """Join runs in `layer` (R, A, 4) along least-error cuts between HALF_CUT px before and after where they meet."""
+def _join(
+    layer: np.ndarray,
+    copy: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    rows: Rows,
+    runs: Runs,
+    joints: _Joints,
+) -> None:
+    """Join runs in `layer` (R, A, 4) along least-error cuts, HALF_CUT px to either side of a joint.
+
+    `copy` (source rows, new rows) gives what these rows look like there.
+    """
+    before, after = joints.before, joints.after
     if not len(after):
         return
     reach = HALF_CUT * ROWS
     stroke = owner(runs.first)[after]
     low, high = rows.offsets[stroke][:, None], rows.offsets[stroke + 1][:, None]
+    closed = rows.closed[stroke][:, None]
     at = runs.begin[after][:, None] + np.arange(-reach, reach)
-    row = np.where(
-        rows.closed[stroke][:, None], low + (at - low) % (high - low), np.clip(at, low, high - 1)
-    )
+    row = np.where(closed, low + (at - low) % (high - low), np.clip(at, low, high - 1))
     past = np.arange(2 * reach) >= reach
-    shape = row.shape + layer.shape[1:]
+    patch = (-1, reach, *layer.shape[1:])
     old, new = layer[row], layer[row]
-    going_on = runs.source(before[:, None], (at + ahead[:, None])[:, past])
+    going_on = runs.source(before[:, None], (at + joints.wrap[:, None])[:, past])
     coming = runs.source(after[:, None], at[:, ~past])
-    old[:, past] = copy(going_on.ravel(), row[:, past].ravel()).reshape(-1, reach, *shape[2:])
-    new[:, ~past] = copy(coming.ravel(), row[:, ~past].ravel()).reshape(-1, reach, *shape[2:])
-    joined = _cut(old, new)
-    within = (at >= low) & (at < high) | rows.closed[stroke][:, None]
+    old[:, past] = copy(going_on.ravel(), row[:, past].ravel()).reshape(patch)
+    new[:, ~past] = copy(coming.ravel(), row[:, ~past].ravel()).reshape(patch)
+    joined = cut_together(old, new)
+    within = (at >= low) & (at < high) | closed
     layer[row[within]] = joined[within]
 
 
-def _cut(old, new):
-    """Patches (S, n, A, 4) of the same rows -> ones that begin as `old` and end as `new`, along least-error cuts."""
-    count, n, columns, _ = old.shape
+def cut_together(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Patches (S, n, A, 4) that begin as `old` and end as `new`, along their least-error cuts."""
     error = np.square(old - new).sum(axis=3)
-    error = ndimage.uniform_filter1d(error, 3, axis=1) + 1e-4
+    cut = least_error_cut(ndimage.uniform_filter1d(error, 3, axis=1) + 1e-4)
+    rows = np.arange(old.shape[1])[:, None]
+    weight = np.clip((rows - cut[:, None]) / FEATHER + 0.5, 0.0, 1.0)[..., None].astype(np.float32)
+    return old * (1 - weight) + new * weight
+
+
+def least_error_cut(error: np.ndarray) -> np.ndarray:
+    """The row (S, A) at which a cut crosses each column of `error` (S, n, A), with least in sum.
+
+    From column to column it moves by one row at most.
+    """
+    count, n, columns = error.shape
     total = error[:, :, 0].copy()
     back = np.zeros((columns, count, n), np.int64)
     wall = np.full((count, 1), np.inf, np.float32)
@@ -312,51 +489,60 @@ def _cut(old, new):
     each = np.arange(count)
     for c in range(columns - 1, 0, -1):
         cut[:, c - 1] = back[c][each, cut[:, c]]
-    weight = np.clip((np.arange(n)[:, None] - cut[:, None]) / FEATHER + 0.5, 0.0, 1.0)[
-        ..., None
-    ].astype(np.float32)
-    return old * (1 - weight) + new * weight
+    return cut
 
 
-def _caps(rows, source, margin, columns):
-    """(R, columns, 1) in [0, 1]: rounds off the rows past an end that were copied from the body of a stroke."""
-    ends = rows.ends
-    past = np.maximum(0.0, -ends)
-    body = past * np.clip(
-        (source - ends - 1.0) / 2.0, 0.0, 1.0
-    )  # as far past as the source was not
+def caps(rows: Rows, source_ends: np.ndarray, margin: float, columns: int) -> np.ndarray:
+    """Round off rows past an end that were copied from the body of a stroke: (R, columns, 1).
+
+    In [0, 1], to be multiplied with. A row copied from as far past an end has its own rounding.
+
+    Parameters
+    ----------
+    source_ends : (R, 2), px from the ends of the strips that the rows were copied from
+    """
+    past = np.maximum(0.0, -rows.ends)
+    # as far past as the source was not
+    body = past * np.clip((source_ends - rows.ends - 1.0) / 2.0, 0.0, 1.0)
     body = body.max(axis=1)[:, None]
-    v = across(columns)
-    aside = v[None] * (0.5 * rows.width + margin)[:, None]
-    inside = np.clip(0.5 * rows.width[:, None] + 0.5 - np.hypot(aside, body), 0.0, 1.0)
+    half = 0.5 * rows.width[:, None]
+    aside = across(columns)[None] * (0.5 * rows.width + margin)[:, None]
+    inside = np.clip(half + 0.5 - np.hypot(aside, body), 0.0, 1.0)
     return np.where(body > 0, inside, 1.0)[..., None].astype(np.float32)
 
 
-def _toned(patch, tone, wanted):
-    """Premultiplied rows (n, A, 4) whose opacity and ink are moved from `tone` (n, 4) to `wanted` (n, 4)."""
-    gain = np.clip((wanted[:, 0] + 0.1) / (tone[:, 0] + 0.1), 0.5, 2.0)
+def _with_ink(patch: np.ndarray, ink: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Premultiplied rows (n, A, 4), their local ink moved from `ink` (n, 4) to `wanted` (n, 4)."""
+    gain = np.clip((wanted[:, 0] + 0.1) / (ink[:, 0] + 0.1), 0.5, 2.0)
     alpha = np.minimum(patch[..., 3] * gain[:, None], 1.0)
-    ink = patch[..., :3] / np.maximum(patch[..., 3:], 1e-4) + (wanted[:, 1:] - tone[:, 1:])[:, None]
+    change = (wanted[:, 1:] - ink[:, 1:])[:, None]
+    color = patch[..., :3] / np.maximum(patch[..., 3:], 1e-4) + change
     return np.concatenate(
-        [np.clip(ink, 0, 1) * alpha[..., None], alpha[..., None]], axis=-1
+        [np.clip(color, 0, 1) * alpha[..., None], alpha[..., None]], axis=-1
     ).astype(np.float32)
 
 
-def _resampled(bank, s, width, columns):
-    """Rows s of the bank, stretched across from their own width to `width` (n,), premultiplied float32.
+def resampled(bank: TextureBank, source: np.ndarray, width: np.ndarray, columns: int) -> np.ndarray:
+    """Stretch rows of the bank from their own width to another: (n, columns, 4) float32.
 
-    The core is stretched; beyond the edge distances stay what they are, so that a soft edge keeps its softness.
+    The core is stretched; beyond the edge distances stay what they are, so that a soft edge keeps
+    its softness. Colours are premultiplied.
+
+    Parameters
+    ----------
+    source : (n,), rows of the bank
+    width : (n,) px, without margins
     """
-    a, margin = bank.rgba.shape[1], bank.margin
-    v = across(columns)
-    half, own = 0.5 * width[:, None], 0.5 * bank.width[s][:, None].astype(np.float64)
-    distance = np.abs(v)[None] * (half + margin)
-    inner = distance * (own / np.maximum(half, 1e-6))
-    place = np.sign(v)[None] * np.where(distance < half, inner, own + distance - half)
-    column = np.clip((place / (own + margin) + 1.0) * 0.5 * a - 0.5, 0, a - 1)
-    c0 = np.minimum(column.astype(np.int64), a - 2)
-    f = (column - c0)[..., None].astype(np.float32)
-    strip = bank.rgba[s].astype(np.float32) / 255.0
+    texels, margin = bank.rgba.shape[1], bank.margin
+    v = across(columns)[None]
+    half, own = 0.5 * width[:, None], 0.5 * bank.width[source][:, None].astype(np.float64)
+    distance = np.abs(v) * (half + margin)
+    stretched = distance * (own / np.maximum(half, 1e-6))
+    place = np.sign(v) * np.where(distance < half, stretched, own + distance - half)
+    column = np.clip((place / (own + margin) + 1.0) * 0.5 * texels - 0.5, 0, texels - 1)
+    left = np.minimum(column.astype(np.int64), texels - 2)
+    mix = (column - left)[..., None].astype(np.float32)
+    strip = bank.rgba[source].astype(np.float32) / 255.0
     strip[..., :3] *= strip[..., 3:]
-    r = np.arange(len(s))[:, None]
-    return strip[r, c0] * (1 - f) + strip[r, c0 + 1] * f
+    row = np.arange(len(source))[:, None]
+    return strip[row, left] * (1 - mix) + strip[row, left + 1] * mix

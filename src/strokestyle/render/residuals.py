@@ -62,7 +62,7 @@ def _fill(out: np.ndarray, residuals: Residuals, rng: np.random.Generator) -> No
         out[start:filled] = np.sqrt(1 - fade_in) * ending + np.sqrt(fade_in) * piece[:shared]
         out[filled : start + len(piece)] = piece[shared:]
         filled += len(piece) - shared
-        if len(piece) <= shared:  # no sequence reaches beyond the cross-fade: the rest stays zero
+        if len(piece) <= shared:  # what is left is no longer than a cross-fade: it stays zero
             break
 
 

@@ -116,7 +116,7 @@ class Style:
         surface = planned.carry(surface_at(view, self.config.spacing))
         features = self.scaling(point_features(planned, surface, self.config))
         if not len(planned):
-            return LaidStrokes(Strokes(np.zeros((0, 2)), [], [0], [], []), features, None)
+            return LaidStrokes(_no_strokes(), features, None)
         frame = Frame.of(planned, surface, self.config.spacing)
         xy, log_width = displaced(frame, self.displacement), self.log_width(features)
         if self.residuals is not None:
@@ -128,6 +128,11 @@ class Style:
         open_ended = np.zeros(len(kept), bool)
         strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], open_ended)
         return LaidStrokes(strokes, features[rows], _pieces(view, planned, rows, strokes))
+
+
+def _no_strokes() -> Strokes:
+    none = np.zeros(0)
+    return Strokes(np.zeros((0, 2)), none, np.zeros(1), none, none)
 
 
 def _child_seed(seed: int, stage: int) -> int:
