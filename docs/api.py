@@ -27,6 +27,7 @@ GROUPS = {
     "Shapes and views": (
         "load_surface", "make_surface", "Surface", "Camera", "fit_camera", "LineOptions", "extract_view",
         "view_of_curves", "View", "Curves", "load_curves", "save_view", "load_view",
+        "fit_turntable_camera", "turntable",
     ),
     "Learning a style": (
         "load_exemplar", "Exemplar", "fit_style", "PRESETS", "FitConfig", "Checkpoint", "Style",
@@ -34,7 +35,7 @@ GROUPS = {
     ),
     "Drawings": (
         "Drawing", "Strokes", "Texture", "thicken", "wiggle", "smooth", "simplify", "move", "taper",
-        "recolor", "rasterise",
+        "recolor", "restyle", "plan_outputs", "rasterise",
     ),
     "SVG": ("SvgOptions", "write_svg", "save_svg", "read_svg", "plain_svg", "png_from_svg"),
 }  # fmt: skip

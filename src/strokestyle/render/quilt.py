@@ -391,8 +391,7 @@ def _ink_residual(bank: TextureBank, copied: np.ndarray, stroke: np.ndarray) -> 
     beside = bank.local_ink - bank.predicted_ink
     total = np.bincount(home, trust, minlength=strips)
     sums = [np.bincount(home, trust * column, minlength=strips) for column in beside.T]
-    of_strip = np.stack(sums, axis=1)
-    of_strip /= total[:, None]
+    of_strip = np.stack(sums, axis=1) / total[:, None]
     used = np.bincount(stroke * strips + home[copied], minlength=(stroke[-1] + 1) * strips)
     most = used.reshape(-1, strips).argmax(axis=1)
     return beside[copied] - of_strip[home[copied]] + of_strip[most][stroke]
