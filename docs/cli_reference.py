@@ -12,13 +12,13 @@ PAGE = Path(__file__).parent / "cli.md"
 WIDTH = 100  # columns of the terminal that the help is printed for
 HEAD = """# Commands
 
-Made by `python docs/cli_reference.py` from what `strokestyle --help` and the `--help` of each command
-print. The commands stand in the order of the work: find the lines, learn a hand, draw with it,
-change the drawing, look at it.
+Made by `python docs/cli_reference.py` from what `strokestyle --help` and the `--help` of each
+command print. The commands stand in the order of the work: find the lines, learn a hand, draw with
+it, change the drawing, look at it.
 
-Every command tells on stderr what it did; `-q` silences that, `-v` adds how long each stage took. An
-error is one line on stderr, and then the exit code is 1; it is 2 where the command line itself is
-wrong, and 130 after Ctrl-C. An output that cannot be written whole is not written at all.
+Every command tells on stderr what it did; `-q` silences that, `-v` adds how long each stage took.
+An error is one line on stderr, and then the exit code is 1; it is 2 where the command line itself
+is wrong, and 130 after Ctrl-C. An output that cannot be written whole is not written at all.
 """
 
 

@@ -1,4 +1,4 @@
-"""The commands through the door a user takes: help, options, and one line for everything that is wrong."""
+"""Help, options, and one line for everything that is wrong, as a user meets them."""
 
 import json
 import re
@@ -26,7 +26,7 @@ def sphere(tmp_path):
     return path
 
 
-# ------------------------------------------------------------------------------------------------ help and options
+# -------------------------------------------------------------------------------- help and options
 
 
 @pytest.mark.parametrize("command", [[], ["extract"], ["fit"], ["render"]])
@@ -139,7 +139,7 @@ def test_usage_errors_exit_with_2(tmp_path, monkeypatch, args, words):
     assert list(tmp_path.iterdir()) == []
 
 
-# ------------------------------------------------------------------------------------------------------- bad shapes
+# -------------------------------------------------------------------------------------- bad shapes
 
 BAD_MESHES = {
     "empty.obj": (b"", ["empty"]),
@@ -147,7 +147,8 @@ BAD_MESHES = {
     "noise.ply": (bytes(range(256)) * 4, []),
     "noise.stl": (b"solid \xff\xfe" * 10, []),
     "truncated.ply": (
-        b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+        b"ply\nformat ascii 1.0\nelement vertex 4\n"
+        b"property float x\nproperty float y\nproperty float z\n"
         b"element face 4\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n",
         [],
     ),
@@ -183,17 +184,17 @@ def test_a_missing_mesh_and_a_folder(tmp_path):
 
 ODD_MESHES = {
     "one triangle": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-    "huge": TETRA.replace("v 1", "v 1e30").replace("v 0 1", "v 0 1e30").replace("v 0 0 1", "v 0 0 1e30"),
+    "huge": "v 0 0 0\nv 1e30 0 0\nv 0 1e30 0\nv 0 0 1e30\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
     "tiny": "v 0 0 0\nv 1e-20 0 0\nv 0 1e-20 0\nv 0 0 1e-20\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
-    "far away": "v 1e6 0 0\nv 1000001 0 0\nv 1e6 1 0\nv 1e6 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    "far away": "v 1e6 0 0\nv 1000001 0 0\nv 1e6 1 0\nv 1e6 0 1\n"
+    "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
     "duplicate faces": TETRA + "f 1 3 2\nf 3 2 1\nf 2 3 1\n",
     "degenerate faces": TETRA + "f 1 1 2\nf 2 2 2\n",
-    "inverted": TETRA.replace("f 1 3 2", "f 1 2 3").replace("f 1 2 4", "f 1 4 2").replace("f 1 4 3", "f 1 3 4")
-    .replace("f 2 3 4", "f 2 4 3"),
+    "inverted": "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n",
     "mixed winding": TETRA.replace("f 1 3 2", "f 1 2 3"),
     "non-manifold": TETRA + "v 1 1 1\nf 1 2 5\n",
     "open": TETRA.replace("f 2 3 4\n", ""),
-    "components": TETRA + "".join(f"v {x} 5 {z}\n" for x, z in [(0, 0), (1, 0), (0, 1)]) + "f 5 6 7\n",
+    "components": TETRA + "v 0 5 0\nv 1 5 0\nv 0 5 1\nf 5 6 7\n",
     "quads": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
     "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n",
     "pentagon": "v 0 0 0\nv 1 0 0\nv 1.5 1 0\nv 0.5 2 0\nv -0.5 1 0\nf 1 2 3 4 5\n",
@@ -216,7 +217,7 @@ def test_odd_meshes_are_drawn(tmp_path, name):
     )  # it fills the canvas, whatever its units
 
 
-# ----------------------------------------------------------------------------------------------------------- extract
+# ----------------------------------------------------------------------------------------- extract
 
 
 def test_extract_writes_every_kind_of_file(tmp_path, sphere):
@@ -302,8 +303,8 @@ def test_hidden_lines(tmp_path):
 
 
 def test_outside_curves(tmp_path, sphere):
-    line = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 128 128"><path d="M10 10L90 90"/></svg>'
-    (tmp_path / "c.svg").write_text(line)
+    head = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 128 128">'
+    (tmp_path / "c.svg").write_text(f'{head}<path d="M10 10L90 90"/></svg>')
     result = run(
         "extract",
         sphere,
@@ -364,7 +365,7 @@ def test_bad_views(tmp_path, sphere):
     refused("extract", view, "-o", tmp_path / "a.svg", words=["v.npz"])
 
 
-# ----------------------------------------------------------------------------------------------------------- outputs
+# ----------------------------------------------------------------------------------------- outputs
 
 
 def test_outputs_that_cannot_be_written(tmp_path, sphere):

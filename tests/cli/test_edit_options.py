@@ -1,4 +1,4 @@
-"""The options of `strokestyle edit`: in the order of the command line, and refused in one sentence."""
+"""The options of `strokestyle edit`: in the order given, and refused in one sentence."""
 
 import click
 import pytest

@@ -58,7 +58,7 @@ def test_an_input_is_not_overwritten_by_the_picture(desk, output, picture):
     assert not (desk / output).exists()
 
 
-# ------------------------------------------------------------------------------------------ progress
+# ---------------------------------------------------------------------------------------- progress
 
 EVENTS = [
     Progress("thickness", 5, 10, {"error": 0.5}, 31.4),

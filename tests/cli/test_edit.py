@@ -1,0 +1,248 @@
+"""`strokestyle edit`: edits as text, and the command that makes them."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+from svg_programs import NAMES, small, with_parts
+
+from strokestyle.cli import main
+from strokestyle.cli.edit_text import NamedDrawing, parse_edit, strokes_named
+from strokestyle.drawing.strokes import lengths
+from strokestyle.geometry.curves import KINDS
+from strokestyle.geometry.parts import Parts
+from strokestyle.svg.read import read_svg, read_svg_file
+from strokestyle.svg.write import save_svg, write_svg
+
+CONTOUR = KINDS.index("contour")
+
+
+def points(drawing, i):
+    return drawing.strokes.xy[drawing.strokes.offsets[i] : drawing.strokes.offsets[i + 1]]
+
+
+# ----------------------------------------------------------------------------------------- as text
+
+
+def named_drawing(texture=None):
+    file = read_svg_file(write_svg(small(texture)))
+    return NamedDrawing(file.drawing, file.ids)
+
+
+@pytest.mark.parametrize(
+    "name, text, left",
+    [
+        ("drop", "<88", ["s001"]),
+        ("drop", "contour", ["s003", "s004"]),
+        ("drop", "valley,contour<90", []),
+        ("drop", ">1000", []),
+    ],
+)
+def test_strokes_are_dropped_by_length_and_kind(name, text, left):
+    before = named_drawing("grain")
+    long = lengths(before.drawing)
+    after = parse_edit(name, text)(before, 0)
+    gone = [n for n in before.ids if n not in after.ids]
+    expected = {
+        "<88": [n for n, length in zip(before.ids, long, strict=True) if length < 88],
+        "contour": ["s003", "s004"],
+        "valley,contour<90": [
+            n for n, s in zip(before.ids, long, strict=True) if s < 90 and n not in ("s001", "s002")
+        ],
+        ">1000": [],
+    }[text]
+    assert gone == expected and len(after.drawing.strokes) == len(after.ids)
+
+
+def test_an_edit_for_some_kinds():
+    thick = parse_edit("thickness", "contour,valley=2")(named_drawing(), 0).drawing
+    ratio = [
+        thick.strokes.thickness[a] / named_drawing().drawing.strokes.thickness[a]
+        for a in thick.strokes.offsets[:-1]
+    ]
+    assert ratio == pytest.approx([2, 1, 1, 2, 2])
+
+
+def drawing_of_parts():
+    file = read_svg_file(write_svg(with_parts(small("grain"))))
+    return NamedDrawing(file.drawing, file.ids)
+
+
+@pytest.mark.parametrize(
+    "which, meant",
+    [
+        ("left ridge", [1]),
+        (NAMES[0], [0]),
+        (f"left ridge, {NAMES[0]} ,crease", [0, 1, 2]),
+        (NAMES[1], [3]),  # a comma in it
+        (" left   ridge,", [1]),
+        (NAMES[3], [4]),
+        (500 * "x", [4]),
+        ("contour", [3, 4]),
+    ],
+)
+def test_an_edit_for_some_parts(which, meant):
+    named = drawing_of_parts()
+    red = parse_edit("recolor", f"{which}=#ff0000")(named, 0).drawing
+    assert np.flatnonzero((red.color[:, :3] == [1, 0, 0]).all(axis=1)).tolist() == meant
+    left = parse_edit("drop", which)(named, 0)
+    assert left.ids == tuple(f"s00{i}" for i in range(5) if i not in meant)
+    assert [left.drawing.parts.name(i) for i in range(len(left.ids))] == [
+        named.drawing.parts.name(i) for i in range(5) if i not in meant
+    ]
+    none = parse_edit("drop", f"{which}<1")(named, 0)
+    assert none.ids == named.ids and read_svg(write_svg(left.drawing)).parts.index.shape == (
+        5 - len(meant),
+    )
+
+
+def test_a_part_may_be_called_as_a_length_is():
+    drawing = replace(small(None), parts=Parts(("a<20", "b"), [0, 1, 1, 0, 1]))
+    named = NamedDrawing(drawing, ("",) * 5)
+    assert len(parse_edit("drop", "a<20")(named, 0).ids) == 3
+    assert len(parse_edit("drop", "b<20")(named, 0).ids) == 5  # none of b is so short
+
+
+def test_a_name_of_a_kind_and_a_part_is_the_kind():
+    drawing = replace(small(None), parts=Parts(("contour", "x"), [1, 0, 1, 0, 0]))
+    assert strokes_named(drawing, "contour").tolist() == (drawing.strokes.kind == CONTOUR).tolist()
+    assert strokes_named(drawing, "x").tolist() == [True, False, True, False, False]
+
+
+@pytest.mark.parametrize("text", ["arm=2", "arm, crease=2", " ,=2", "contours=2", "=2=2"])
+def test_a_name_that_is_none_is_told_with_those_that_are(text):
+    for drawing_of, words in (
+        (named_drawing, "no named parts"),
+        (drawing_of_parts, "the parts .*left ridge"),
+    ):
+        with pytest.raises(
+            ValueError, match=f"no such kind of line or part; .*contour, boundary.* {words}"
+        ):
+            parse_edit("thickness", text)(drawing_of(), 0)
+
+
+@pytest.mark.parametrize(
+    "name, text, found",
+    [
+        ("thickness", "x", "takes a number"),
+        ("thickness", "-1", "between"),
+        ("thickness", "nan", "takes a number"),
+        ("thickness", "arm=x", "takes a number"),
+        ("wiggle", "3", "two numbers"),
+        ("wiggle", "3,0", "wavelength"),
+        ("smooth", "-1", "between"),
+        ("move", "s1:0.5", "STROKE:POINT:DX,DY"),
+        ("move", "s1:2:1,1", "between 0 and 1"),
+        ("drop", "", "a length such as"),
+        ("recolor", "hue", "--recolor takes a colour"),
+        ("taper", "", "takes a number"),
+    ],
+)
+def test_bad_edits_are_named(name, text, found):
+    with pytest.raises(ValueError, match=found):
+        parse_edit(name, text)
+
+
+def test_a_stroke_is_named_by_id_or_number():
+    for name in ("s003", "3"):
+        moved = parse_edit("move", f"{name}:0.5:0,9")(named_drawing(), 0).drawing
+        assert [
+            np.array_equal(points(moved, i), points(named_drawing().drawing, i)) for i in range(5)
+        ] == [
+            1,
+            1,
+            1,
+            0,
+            1,
+        ]
+    with pytest.raises(ValueError, match="s000, s001, s002, ..."):
+        parse_edit("move", "s9:0.5:0,9")(named_drawing(), 0)
+
+
+# ------------------------------------------------------------------------------------- the command
+
+
+def run(*args, **options):
+    return CliRunner().invoke(main, ["edit", *map(str, args)], **options)
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    save_svg(tmp_path / "in.svg", small("grain"), title="a", page_size="A4")
+    return tmp_path / "in.svg"
+
+
+def test_edits_are_made_in_the_order_given(drawn, tmp_path):
+    results = []
+    for order in (
+        ["--thickness", "3", "--drop", "<1", "--thickness=contour=0.5"],
+        ["--taper", "9", "--smooth", "4", "--taper=9"],
+    ):
+        result = run(drawn, "-o", tmp_path / "out.svg", *order, "-v")
+        assert result.exit_code == 0, result.stderr
+        results.append([line.split(":")[0].strip() for line in result.stderr.splitlines()[1:-2]])
+    assert results == [["thickness", "drop", "thickness"], ["taper", "smooth", "taper"]]
+    a, b = tmp_path / "a.svg", tmp_path / "b.svg"
+    run(drawn, "-o", a, "--smooth", "5", "--wiggle", "3,20")
+    run(drawn, "-o", b, "--wiggle", "3,20", "--smooth", "5")
+    assert (
+        np.ptp(read_svg(a).strokes.xy - read_svg(a).strokes.xy.mean(axis=0))
+        and a.read_text() != b.read_text()
+    )
+
+
+def test_no_edit_gives_the_same_file_and_options_change_it(drawn, tmp_path):
+    out = tmp_path / "out.svg"
+    assert run(drawn, "-o", out).exit_code == 0 and out.read_bytes() == drawn.read_bytes()
+    assert (
+        run(drawn, "-o", out, "--texture", "none", "--layers", "none", "--title", "b").exit_code
+        == 0
+    )
+    file = read_svg_file(out)
+    assert (file.options.texture, file.options.layers, file.options.title) == ("none", "none", "b")
+    assert file.options.page_size == "A4" and "<image" not in out.read_text()
+
+
+def test_a_pipe_of_edits(drawn):
+    first = run("-", "-o", "-", "--wiggle", "2,20", input=drawn.read_bytes())
+    second = run("-", "-o", "-", "--recolor", "#ff0000", input=first.stdout_bytes)
+    assert second.exit_code == 0 and read_svg(second.stdout).color[0, :3].tolist() == [1, 0, 0]
+    assert "5 strokes -> -" in second.stderr
+
+
+def test_a_preview_and_what_is_left_out(drawn, tmp_path):
+    text = drawn.read_text().replace("</svg>", "<text>mine</text></svg>")
+    drawn.write_text(text.replace('class="stroke"', 'class="stroke" clip-path="url(#c)"', 2))
+    result = run(drawn, "-o", tmp_path / "o.svgz", "--png", "--thickness", "2")
+    assert (
+        result.exit_code == 0
+        and "; left out: shapes 1, clips, gradients, filters 2" in result.stderr
+    )
+    picture = Image.open(io.BytesIO((tmp_path / "o.png").read_bytes()))
+    assert picture.size == (1123, 794)  # A4 at 96 px an inch, lying as the canvas does
+
+
+@pytest.mark.parametrize(
+    "args, code, words",
+    [
+        (["in.svg", "-o", "in.svg"], 1, "is the input"),
+        (["no.svg", "-o", "o.svg"], 1, "no such file"),
+        (["in.svg", "-o", "o.png"], 2, "writes .svg"),
+        (["in.svg", "-o", "-", "--png"], 2, "no --png"),
+        (["in.svg", "-o", "o.svg", "--thickness", "x"], 2, "takes a number"),
+        (["in.svg", "-o", "o.svg", "--thickness", "arm=2"], 1, "no such kind of line or part"),
+        (["in.svg", "-o", "o.svg", "--drop", "arm"], 1, "no such kind of line or part"),
+        (["in.svg", "-o", "o.svg", "--move", "x:0:1,1"], 1, "no stroke 'x'"),
+        (["in.svg", "-o", "o.svg", "--page-size", "A99"], 1, "page size"),
+        (["other.svg", "-o", "o.svg"], 1, "no strokes in it"),
+    ],
+)
+def test_wrong_use_is_one_line(drawn, tmp_path, monkeypatch, args, code, words):
+    (tmp_path / "other.svg").write_text('<svg><path d="M0 0h9"/></svg>')
+    monkeypatch.chdir(tmp_path)
+    result = run(*args)
+    assert result.exit_code == code and words in result.stderr and not (tmp_path / "o.svg").exists()
+    assert "Traceback" not in result.stderr
