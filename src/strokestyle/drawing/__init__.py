@@ -1,1 +1,1 @@
-"""The drawing that `render` makes, `edit` changes and `svg` keeps: strokes, outlines, ribbons, texture, pixels."""
+"""Strokes with their texture: what `render` makes, `edit` changes, and the SVG files keep."""

@@ -1,4 +1,4 @@
-"""Ribbons: a stroke as its texture sees it, u along and v across."""
+"""See strokes as ribbons, which is how their texture sees them: u along and v across."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import arc, blurred
-from .strokes import Strokes, merge_coincident_points
+from .strokes import SAME_POINT, Strokes, merge_coincident_points
 
 STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
+MAX_SPACING = 3.0  # px between the points of a centre line that was smoothed
 NARROWING = 0.25  # px a px: the most by which a ribbon's half width falls along it
 
 
@@ -33,35 +34,44 @@ class Ribbon:
 
     @property
     def length(self) -> float:
+        """Arc length of the whole, px."""
         return float(self.along[-1])
 
 
 def slope_limited_half_widths(strokes: Strokes, i: int, margin: float) -> np.ndarray:
-    """Pixels from the centre line to the edge of the ribbon at each point of stroke i, (n,).
+    """Measure from the centre line to the edge of the ribbon at each point of stroke i, (n,) px.
 
-    Half the thickness plus `margin`; but where a stroke narrows faster than NARROWING, as at a blunt end, the ribbon
-    does not: there the texture's alpha is the shape, and its grain is not squeezed to a point.
+    Half the thickness plus `margin`; but where a stroke narrows faster than NARROWING, as at a
+    blunt end, the ribbon does not: there the texture's alpha is the shape, and its grain is not
+    squeezed to a point. It is the least function that is nowhere below half the thickness and
+    whose slope is nowhere above NARROWING (the upper Lipschitz, or Pasch-Hausdorff, envelope), by
+    a running maximum each way along the stroke.
     """
-    rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
-    xy, half = strokes.xy[rows], 0.5 * strokes.thickness[rows]
-    s = NARROWING * arc(xy)
+    rows = strokes.rows(i)
+    half, s = 0.5 * strokes.thickness[rows], NARROWING * arc(strokes.xy[rows])
+    count = len(half)
     if strokes.closed[i]:
         half, s = np.tile(half, 3), np.concatenate([s - s[-1], s, s + s[-1]])
-    half = np.maximum(
-        np.maximum.accumulate(half + s) - s, np.maximum.accumulate((half - s)[::-1])[::-1] + s
-    )
-    return half[len(xy) : 2 * len(xy)] + margin if strokes.closed[i] else half + margin
+    ahead = np.maximum.accumulate(half + s) - s
+    half = np.maximum(ahead, np.maximum.accumulate((half - s)[::-1])[::-1] + s)
+    return half[count : 2 * count] + margin if strokes.closed[i] else half + margin
 
 
 def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbon:
-    """The ribbon of stroke i, all lengths multiplied by `scale`.
+    """Make the ribbon of stroke i.
 
-    A broad ribbon cannot follow every tremor of its centre line without folding: it is smoothed by STIFFNESS of its
-    half width.
+    A broad ribbon cannot follow every tremor of its centre line without folding: it is smoothed by
+    STIFFNESS of its half width. An open stroke runs straight on past both ends, by the half width
+    there.
+
+    Parameters
+    ----------
+    strokes, i : the stroke
+    margin : px beyond the half thickness that the ribbon reaches
+    scale : all lengths are multiplied by it, `margin` too
     """
-    rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
     xy, half = merge_coincident_points(
-        strokes.xy[rows], slope_limited_half_widths(strokes, i, margin)
+        strokes.xy[strokes.rows(i)], slope_limited_half_widths(strokes, i, margin)
     )
     closed = bool(strokes.closed[i]) and len(xy) > 3
     if len(xy) > 2:
@@ -75,33 +85,38 @@ def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbo
     return Ribbon(xy * scale, half * scale, arc(xy) * scale, closed)
 
 
-def _stiffened(xy, half, closed):
-    """Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half width."""
+def _stiffened(xy: np.ndarray, half: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Even points (m, 2) on a smoothed centre line, and its half widths (m,).
+
+    Sigma is STIFFNESS times the median half width.
+    """
     along = arc(xy)
     sigma = STIFFNESS * float(np.median(half))
-    count = max(3, int(np.ceil(along[-1] / max(1.0, min(sigma, 3.0)))))
+    count = max(3, int(np.ceil(along[-1] / max(1.0, min(sigma, MAX_SPACING)))))
     at = np.linspace(0.0, along[-1], count + 1)
     even = np.stack([np.interp(at, along, column) for column in xy.T], axis=1)
     half = np.interp(at, along, half)
     smooth = blurred(even, sigma * count / along[-1], closed)
     if closed:
         smooth[-1] = smooth[0]
-    moved = np.hypot(*np.diff(smooth, axis=0).T) > 1e-6
-    keep = np.r_[True, moved]
+    keep = np.r_[True, np.hypot(*np.diff(smooth, axis=0).T) > SAME_POINT]
     return smooth[keep], half[keep]
 
 
 def overlaps(band: Ribbon, margin: float) -> bool:
-    """Whether a ribbon lies on ink of its own elsewhere: where a stroke crosses itself, or turns back close by.
+    """Tell whether a ribbon lies on ink of its own: it crosses itself, or turns back close by.
 
-    `margin` is how much of its half width holds none.
+    Parameters
+    ----------
+    band : Ribbon
+    margin : px of its half width that hold no ink
     """
     step = max(1.0, 0.4 * float(band.half.min()))
     s = np.linspace(0.0, band.length, max(3, int(np.ceil(band.length / step)) + 1))
     xy = np.stack([np.interp(s, band.along, column) for column in band.xy.T], axis=1)
     half = np.interp(s, band.along, band.half)
     if band.length * half.mean() > 4.0 * np.prod(np.ptp(xy, axis=0) + 2.0 * half.max()):
-        return True  # there is no room for it beside itself
+        return True  # its area is larger than its box allows without overlap
     i, j = cKDTree(xy).query_pairs(2.0 * half.max(), output_type="ndarray").T
     apart = s[j] - s[i]
     if band.closed:
@@ -112,14 +127,15 @@ def overlaps(band: Ribbon, margin: float) -> bool:
 
 
 def across(columns: int) -> np.ndarray:
-    """v of the middles of the texels across a strip, (columns,): -1 and 1 are its edges."""
+    """Give v of the middles of the texels across a strip, (columns,): its edges are -1 and 1."""
     return (2.0 * np.arange(columns) + 1.0) / columns - 1.0
 
 
 def strip_points(band: Ribbon, rows: int, columns: int) -> np.ndarray:
-    """Where the texels of a strip (rows, columns) lie on the image, (rows, columns, 2) pixels."""
+    """Place the texels of a strip (rows, columns) on the image, (rows, columns, 2) pixels."""
     u = (np.arange(rows) + 0.5) / rows * band.length
-    # tangents are blended along each segment, so that rows fan out evenly round a bend instead of jumping at its points
+    # tangents are blended along each segment, so that rows fan out evenly round a bend instead of
+    # jumping at its points
     d = np.diff(band.xy, axis=0)
     d = d / np.hypot(d[:, 0], d[:, 1])[:, None]
     middle = 0.5 * (band.along[1:] + band.along[:-1])
@@ -134,9 +150,12 @@ def strip_points(band: Ribbon, rows: int, columns: int) -> np.ndarray:
 
 
 def strip_stretch(band: Ribbon, rows: int, columns: int) -> np.ndarray:
-    """How far the texels of a strip lie apart along the ribbon, relative to the centre line's, (rows, columns).
+    """Measure how far texels lie apart along the ribbon, relative to the centre line's.
 
-    1 where the ribbon is straight, above 1 outside a bend, below 0 where the inside of a bend is folded.
+    Returns
+    -------
+    (rows, columns): 1 where the ribbon is straight, above 1 outside a bend, below 0 where the
+    inside of a bend is folded
     """
     at = strip_points(band, rows, columns)
     ahead = np.diff(at, axis=0, append=2 * at[-1:] - at[-2:-1])
@@ -153,17 +172,32 @@ def sample_strips(
     v: np.ndarray,
     wraps: np.ndarray,
 ) -> np.ndarray:
-    """Bilinear look-up in strips, texels (T, A, 4) float premultiplied, at u in [0, 1] and v in [-1, 1]: (M, 4).
+    """Look strips up bilinearly.
 
-    `strip` (M,) says which is looked up, `wraps` (M,) whether its end is its beginning.
+    Parameters
+    ----------
+    texels : (T, A, L) float, colours premultiplied; strip i is rows offsets[i]:offsets[i+1]
+    offsets : (C+1,) int
+    strip : (M,) int, which strip is looked up
+    u, v : (M,) in [0, 1] and in [-1, 1]
+    wraps : (M,) bool, whether the strip's end is its beginning
+
+    Returns
+    -------
+    (M, L)
     """
-    first, n, a = offsets[strip], np.diff(offsets)[strip], texels.shape[1]
-    row, column = u * n - 0.5, np.clip((v + 1.0) * (0.5 * a) - 0.5, 0, a - 1)
-    r0, c0 = np.floor(row).astype(np.int64), np.minimum(column.astype(np.int64), max(a - 2, 0))
-    fr, fc = (row - r0).astype(np.float32)[:, None], (column - c0).astype(np.float32)[:, None]
-    r1 = np.where(r0 + 1 < n, r0 + 1, np.where(wraps, 0, n - 1))
-    r0 = np.where(r0 >= 0, r0, np.where(wraps, n - 1, 0))
-    flat, step = texels.reshape(-1, texels.shape[2]), min(1, a - 1)
-    top, low = (first + r0) * a + c0, (first + r1) * a + c0
-    top = flat[top] * (1 - fc) + flat[top + step] * fc
-    return top * (1 - fr) + (flat[low] * (1 - fc) + flat[low + step] * fc) * fr
+    first, rows, columns = offsets[strip], np.diff(offsets)[strip], texels.shape[1]
+    row, column = u * rows - 0.5, np.clip((v + 1.0) * (0.5 * columns) - 0.5, 0, columns - 1)
+    above, left = np.floor(row).astype(np.int64), column.astype(np.int64)
+    left = np.minimum(left, max(columns - 2, 0))
+    down = (row - above).astype(np.float32)[:, None]
+    right = (column - left).astype(np.float32)[:, None]
+    below = np.where(above + 1 < rows, above + 1, np.where(wraps, 0, rows - 1))
+    above = np.where(above >= 0, above, np.where(wraps, rows - 1, 0))
+    flat, step = texels.reshape(-1, texels.shape[2]), min(1, columns - 1)
+
+    def between(row: np.ndarray) -> np.ndarray:
+        at = (first + row) * columns + left
+        return flat[at] * (1 - right) + flat[at + step] * right
+
+    return between(above) * (1 - down) + between(below) * down
