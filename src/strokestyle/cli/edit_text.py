@@ -129,9 +129,8 @@ def strokes_named(drawing: Drawing, names: str) -> np.ndarray:
     that there are.
     """
     parts = () if drawing.parts is None else drawing.parts.names
-    each = (
-        [names] if part_name(names) in parts else names.split(",")
-    )  # a part's name may hold commas
+    whole = part_name(names) in parts  # a part's name may hold commas
+    each = [names] if whole else names.split(",")
     wanted = [name for name in map(part_name, each) if name]
     unknown = [name for name in wanted if name not in (*KINDS, *parts)]
     if unknown or not wanted:

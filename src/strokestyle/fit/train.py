@@ -18,7 +18,7 @@ from .learn import fit_quick
 from .neural_strokes import NeuralStrokesConfig, fit_neural_strokes
 from .progress import Progress, Reporter
 
-PRESETS = {
+PRESETS: dict[str, FitConfig | NeuralStrokesConfig] = {
     "quick": FitConfig("quick", trace_steps=100),
     "standard": FitConfig("standard", steps=300, trace_steps=300),
     "paper": NeuralStrokesConfig(),
