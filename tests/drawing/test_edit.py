@@ -94,6 +94,16 @@ def test_strokes_that_are_not_meant_are_written_as_they_were(encoding, texture):
     assert sum(same) == (~only).sum() and 0 < sum(same) < len(same)
 
 
+def test_strips_of_one_column_are_edited_too():
+    drawing = small("grain")
+    texture = replace(drawing.texture, rgba=drawing.texture.rgba[:, 8:9])
+    only = drawing.strokes.kind == CONTOUR
+    thick = edits.thicken(replace(drawing, texture=texture), 3.0, only).texture
+    assert thick.rgba.shape[1] == 3  # a strip that is not meant has its column three times
+    still = int(np.flatnonzero(~only)[0])
+    assert np.array_equal(thick.strip(still), np.repeat(texture.strip(still), 3, axis=1))
+
+
 def test_nothing_is_an_edit_that_changes_nothing():
     drawing = small("grain")
     for same in (

@@ -40,10 +40,11 @@ def wider(strip: np.ndarray, columns: int) -> np.ndarray:
     """Resample a strip (n, A, 4) uint8 bilinearly to more columns: (n, columns, 4) uint8."""
     if strip.shape[1] == columns:
         return strip
+    if strip.shape[1] == 1:
+        return np.repeat(strip, columns, axis=1)
     flat = premultiplied(strip.astype(np.float64), 255.0)
-    if strip.shape[1] > 1:
-        low, fraction = texel_places(columns, strip.shape[1])
-        flat = flat[:, low] * (1 - fraction)[:, None] + flat[:, low + 1] * fraction[:, None]
+    low, fraction = texel_places(columns, strip.shape[1])
+    flat = flat[:, low] * (1 - fraction)[:, None] + flat[:, low + 1] * fraction[:, None]
     return np.rint(np.clip(straight(flat, 255.0), 0, 255)).astype(np.uint8)
 
 
