@@ -6,7 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from strokestyle.files import VALUES, read_model, write_model
+from strokestyle.files import VALUES, read_model, write_arrays, write_model
 
 PAYLOAD = {
     "format": 2,
@@ -44,6 +44,17 @@ def test_a_model_is_a_plain_zip_of_arrays(tmp_path):
         assert arrays["nets/path/base"] == 1.5
     with zipfile.ZipFile(tmp_path / "m.pt") as file:
         assert json.loads(file.read(VALUES))["about/exemplar"] == "kärcher.png"
+
+
+def test_arrays_have_the_same_bytes_at_any_time(tmp_path):
+    arrays = {"a": np.arange(6).reshape(2, 3), "b": np.array("text"), "c": np.zeros((2, 2)).T}
+    write_arrays(tmp_path / "x.npz", arrays, {"note": "first"})
+    with np.load(tmp_path / "x.npz") as found:
+        assert all(np.array_equal(found[name], value) for name, value in arrays.items())
+    with zipfile.ZipFile(tmp_path / "x.npz") as file:
+        assert file.namelist() == ["note", "a.npy", "b.npy", "c.npy"]
+        assert {entry.date_time[0] for entry in file.infolist()} == {1980}
+        assert {entry.compress_type for entry in file.infolist()} == {zipfile.ZIP_DEFLATED}
 
 
 def rewritten(path, change):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import files as limits
-from ..files import replace_file
+from ..files import write_arrays
 from ..geometry.affine import MAX_NUMBER, fit_box
 from ..geometry.curves import KINDS, Curves, clean_curves, kind_named
 from ..geometry.parts import Parts
@@ -41,19 +41,7 @@ def save_view(path: str | Path, view: View) -> None:
             "part_names": np.array(view.hidden_parts.names, str),
             "hidden_part": view.hidden_parts.index,
         }
-
-    def write(name):
-        # np.savez_compressed takes four times as long, and writes the time of day
-        with zipfile.ZipFile(name, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
-            for key, value in arrays.items():
-                entry = zipfile.ZipInfo(key + ".npy")
-                entry.compress_type = zipfile.ZIP_DEFLATED
-                with file.open(entry, "w", force_zip64=True) as stream:
-                    np.lib.format.write_array(
-                        stream, np.asarray(value, order="C"), allow_pickle=False
-                    )
-
-    replace_file(path, write)
+    write_arrays(path, arrays)
 
 
 def load_view(path: str | Path) -> View:

@@ -10,15 +10,18 @@ from ..files import quoted
 
 MAX_NUMBER = 1e12  # larger ones are mistakes, and their products leave the range of a float
 
-Affine = tuple[
-    float, float, float, float, float, float
-]  # SVG's matrix: x' = a x + c y + e, y' = b x + d y + f
+# SVG's matrix: x' = a x + c y + e, y' = b x + d y + f
+Affine = tuple[float, float, float, float, float, float]
+Box = tuple[float, float, float, float]  # x, y, width, height
 
 IDENTITY: Affine = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 
 
 def compose(outer: Affine, inner: Affine) -> Affine:
-    """The matrix that applies `inner`, then `outer`."""
+    """Multiply two matrices: the result applies `inner`, then `outer`.
+
+    Raises ValueError where a number of it is too large to be a place in a drawing.
+    """
     a, b, c, d, e, f = outer
     p, q, r, s, t, u = inner
     made = (
@@ -35,28 +38,39 @@ def compose(outer: Affine, inner: Affine) -> Affine:
 
 
 def transformed(matrix: Affine, points: np.ndarray) -> np.ndarray:
-    # element by element, not by a matrix product: equal points stay equal to the last bit, so that loops stay closed
+    """Apply a matrix to points (..., 2)."""
+    # element by element, not by a matrix product: equal points stay equal to the last bit, so that
+    # loops stay closed
     a, b, c, d, e, f = matrix
     x, y = points[..., 0], points[..., 1]
     return np.stack([a * x + c * y + e, b * x + d * y + f], axis=-1)
 
 
-def fit_box(box, into, align: str = "") -> Affine:
-    """The box (x, y, width, height) laid into another, after SVG's preserveAspectRatio; default: whole and centred."""
+def fit_box(box: Box, into: Box, align: str = "") -> Affine:
+    """Find the matrix that lays a box into another, after SVG's preserveAspectRatio.
+
+    `align` : the attribute's value; without one, the box is seen whole, and centred
+    Raises ValueError on a value that is none.
+    """
     (x, y, width, height), (to_x, to_y, to_width, to_height) = box, into
     sx, sy = to_width / width, to_height / height
     words = align.split() or ["xMidYMid"]
     if words[0] == "none":
         return (sx, 0.0, 0.0, sy, to_x - sx * x, to_y - sy * y)
-    match = re.fullmatch("x(Min|Mid|Max)Y(Min|Mid|Max)", words[0])
+    share_x, share_y = _shares(words[0], align)
+    scale = max(sx, sy) if words[1:] == ["slice"] else min(sx, sy)
+    left = to_x + share_x * (to_width - scale * width)
+    top = to_y + share_y * (to_height - scale * height)
+    return (scale, 0.0, 0.0, scale, left - scale * x, top - scale * y)
+
+
+def _shares(word: str, align: str) -> tuple[float, float]:
+    """Read how much of the spare room lies to the left and above: 0, 1/2 or 1."""
+    match = re.fullmatch("x(Min|Mid|Max)Y(Min|Mid|Max)", word)
     if not match:
         raise ValueError(
-            f'bad preserveAspectRatio "{quoted(align)}": expected none, or for instance xMidYMid meet'
+            f'bad preserveAspectRatio "{quoted(align)}": expected none, or for instance '
+            "xMidYMid meet"
         )
-    scale = max(sx, sy) if words[1:] == ["slice"] else min(sx, sy)
-    share_x, share_y = ({"Min": 0.0, "Mid": 0.5, "Max": 1.0}[word] for word in match.groups())
-    left, top = (
-        to_x + share_x * (to_width - scale * width),
-        to_y + share_y * (to_height - scale * height),
-    )
-    return (scale, 0.0, 0.0, scale, left - scale * x, top - scale * y)
+    shares = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+    return shares[match[1]], shares[match[2]]

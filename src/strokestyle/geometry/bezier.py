@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import files as limits
-from .curves import counting
+from .curves import counting, peaks
 
 
 def fit_cubics(
@@ -364,11 +364,7 @@ def _errors(
 def _worst_rows(spans: _Spans, error: np.ndarray) -> np.ndarray:
     """Find the row (S,) of each span's inner point with the largest error, the first of equals."""
     inside = (spans.row > spans.begin[spans.span]) & (spans.row < spans.end[spans.span])
-    inner = np.where(inside, error, -1.0)
-    pick = np.flatnonzero(inner == spans.largest(inner)[spans.span])
-    at = np.full(len(spans.begin), 0)
-    at[spans.span[pick[::-1]]] = spans.row[pick[::-1]]
-    return at
+    return peaks(np.where(inside, error, -1.0), spans.head, spans.span, spans.row)[1]
 
 
 def _lean(tangent: np.ndarray, chord: np.ndarray) -> np.ndarray:

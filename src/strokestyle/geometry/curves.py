@@ -3,58 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from .kinds import KINDS
 
-
-def clip(curves: Curves, width: int, height: int) -> Curves:
-    """The parts of curves inside the canvas, cut at its edge; curves of no length are dropped."""
-    return clip_with_source(curves, width, height)[0]
-
-
-def clip_with_source(curves: Curves, width: int, height: int) -> tuple[Curves, np.ndarray]:
-    """What `clip` gives, and the curve that each piece is of (C,)."""
-    out, source, closed = [], [], []
-    for i in range(len(curves)):
-        points = curves[i]
-        if points.min() >= 0 and points[:, 0].max() <= width and points[:, 1].max() <= height:
-            pieces = [points]
-        else:
-            pieces = _clip_line(points, width, height)
-        for piece in pieces:
-            if np.ptp(piece, axis=0).max() > 1e-6:
-                out.append(piece)
-                source.append(i)
-                closed.append(bool(curves.closed[i]) and piece is points)
-    source = np.array(source, np.int64)
-    return (Curves.from_list(out, curves.kind[source], closed) if out else Curves.empty()), source
-
-
-def _clip_line(points: np.ndarray, width: int, height: int) -> list[np.ndarray]:
-    """Liang-Barsky on every segment of one polyline (n, 2)."""
-    a, d = points[:-1], np.diff(points, axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        low, high = -a / d, (np.array([width, height]) - a) / d
-    flat = np.abs(d) < 1e-12
-    outside = flat & ((a < 0) | (a > [width, height]))
-    t0 = np.where(flat, 0.0, np.minimum(low, high)).max(axis=1).clip(0, 1)
-    t1 = np.where(flat, 1.0, np.maximum(low, high)).min(axis=1).clip(0, 1)
-    keep = (t1 > t0) & ~outside.any(axis=1)
-    pieces, current = [], []
-    for i in np.flatnonzero(keep):
-        begin, end = a[i] + t0[i] * d[i], a[i] + t1[i] * d[i]
-        if not current or t0[i] > 0 or np.abs(current[-1] - begin).max() > 1e-9:
-            current = [begin]
-            pieces.append(current)
-        current.append(end)
-    return [np.array(piece) for piece in pieces]
-
-
-DEFAULT_SPACING = 3.0  # px between curve points, as in the authors' code
+DEFAULT_SPACING = 3.0  # px between curve points, as in the code of Liu et al. 2021
+SAME_POINT = 1e-6  # px; nearer points are one
+MIN_EXTENT = 1e-6  # px; a clipped curve of less width and height is but a point
 
 
 @dataclass(frozen=True)
@@ -64,7 +24,8 @@ class Curves:
     Parameters
     ----------
     xy : (N, 2) float64, pixels
-    offsets : (C+1,) int64, curve i is rows offsets[i]:offsets[i+1]; every curve has at least two points
+    offsets : (C+1,) int64, curve i is rows offsets[i]:offsets[i+1]; every curve has
+        at least two points
     kind : (C,) int8, index into KINDS
     closed : (C,) bool; a closed curve repeats its first point as its last
 
@@ -79,7 +40,7 @@ class Curves:
     kind: np.ndarray
     closed: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         xy = np.asarray(self.xy, np.float64)
         offsets = np.asarray(self.offsets, np.int64)
         kind = np.asarray(self.kind, np.int8)
@@ -92,7 +53,8 @@ class Curves:
         count = len(offsets) - 1
         if kind.shape != (count,) or closed.shape != (count,):
             raise ValueError(
-                f"Curves.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}"
+                f"Curves.kind and .closed must have shape ({count},), got {kind.shape} and "
+                f"{closed.shape}"
             )
         if count and not (0 <= kind.min() and kind.max() < len(KINDS)):
             raise ValueError(f"Curves.kind must lie in 0..{len(KINDS) - 1}")
@@ -108,11 +70,23 @@ class Curves:
 
     @classmethod
     def empty(cls) -> Curves:
+        """No curves at all."""
         return cls(np.zeros((0, 2)), np.zeros(1, np.int64), np.zeros(0, np.int8), np.zeros(0, bool))
 
     @classmethod
-    def from_list(cls, polylines: list[np.ndarray], kind=None, closed=None) -> Curves:
-        """Polylines [(n, 2), ...] -> Curves. Kind defaults to "other", closed to first point == last point."""
+    def from_list(
+        cls,
+        polylines: Sequence[np.ndarray],
+        kind: ArrayLike | None = None,
+        closed: ArrayLike | None = None,
+    ) -> Curves:
+        """Lay polylines [(n, 2), ...] one after the other.
+
+        Parameters
+        ----------
+        kind : (C,) int, index into KINDS; None: all "other"
+        closed : (C,) bool; None: those whose first point is their last
+        """
         if not polylines:
             return cls.empty()
         polylines = [np.asarray(line, np.float64).reshape(-1, 2) for line in polylines]
@@ -123,18 +97,18 @@ class Curves:
         return cls(
             np.concatenate(polylines),
             np.r_[0, np.cumsum([len(p) for p in polylines])],
-            kind,
-            closed,
+            np.asarray(kind),
+            np.asarray(closed),
         )
 
-    def take(self, index) -> Curves:
-        """The curves of an index or mask over C, in that order."""
+    def take(self, index: np.ndarray) -> Curves:
+        """Select the curves of an index or mask over C, in that order."""
         index = np.arange(len(self))[np.asarray(index)]
         rows, offsets = take_ragged(self.offsets, index)
         return Curves(self.xy[rows], offsets, self.kind[index], self.closed[index])
 
     def lengths(self) -> np.ndarray:
-        """Arc length of each curve, (C,), pixels."""
+        """Measure the arc length of each curve, (C,), pixels."""
         total = arc_length(self.xy, self.offsets)
         return total[self.offsets[1:] - 1] if len(self) else np.zeros(0)
 
@@ -147,7 +121,7 @@ def check_offsets(offsets: np.ndarray, rows: int, least: int, what: str) -> None
 
 
 def take_ragged(offsets: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the pieces `index`, one after the other, and their new offsets."""
+    """Gather the rows (M,) of the pieces `index` (P,), one after the other, and their offsets."""
     count = np.diff(offsets)[index]
     new = np.r_[0, np.cumsum(count)]
     rows = np.arange(new[-1]) + np.repeat(offsets[index] - new[:-1], count)
@@ -155,19 +129,20 @@ def take_ragged(offsets: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def counting(count: np.ndarray) -> np.ndarray:
-    """0, 1 ... n - 1 for each n of `count`, one after the other."""
+    """Count 0, 1 ... n - 1 for each n of `count`, one after the other."""
     return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
 
 
 def owner(offsets: np.ndarray) -> np.ndarray:
-    """The curve that each row belongs to, (N,)."""
+    """Tell which curve each row belongs to, (N,)."""
     return np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
 
 
 def runs(*values: np.ndarray) -> np.ndarray:
-    """Offsets (R+1,) of the runs of rows over which every one of `values`, each (N,), stays the same.
+    """Find the runs of rows over which each of `values`, all (N,), stays the same: offsets (R+1,).
 
-    To find where a flag changes along curves, give the flag and the curve of each row: `runs(flag, owner(offsets))`.
+    To find where a flag changes along curves, give the flag and the curve of each row:
+    `runs(flag, owner(offsets))`.
     """
     count = len(values[0])
     starts = np.zeros(count + 1, bool)
@@ -178,12 +153,12 @@ def runs(*values: np.ndarray) -> np.ndarray:
 
 
 def is_kind(kind: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    """Which of `kind` (C,), indices into KINDS, are one of the named kinds, (C,) bool."""
+    """Tell which of `kind` (C,), indices into KINDS, are one of the named kinds, (C,) bool."""
     return np.isin(kind, [KINDS.index(name) for name in names])
 
 
 def arc_length(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Distance along its own curve from the curve's start, (N,), in units of `xy` (N, d)."""
+    """Measure each point's distance along its own curve, (N,), in units of `xy` (N, d)."""
     if not len(xy):
         return np.zeros(0)
     step = np.r_[0.0, np.linalg.norm(np.diff(xy, axis=0), axis=1)]
@@ -193,16 +168,16 @@ def arc_length(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
 
 
 def arc(xy: np.ndarray) -> np.ndarray:
-    """Distance along one polyline from its start, (n,), in units of `xy` (n, 2)."""
+    """Measure each point's distance along one polyline, (n,), in units of `xy` (n, 2)."""
     step = np.diff(xy, axis=0)
     return np.concatenate([np.zeros(1), np.hypot(step[:, 0], step[:, 1]).cumsum()])
 
 
 def blurred(values: np.ndarray, sigma: float, closed: bool = False) -> np.ndarray:
-    """Values (n, d) at evenly spaced points of one curve under a Gaussian of `sigma` points.
+    """Blur values (n, d) at evenly spaced points of one curve by a Gaussian of `sigma` points.
 
-    An open curve is turned about its end points, so that these stay where it is longer than 4 sigma; a closed one,
-    whose last point is its first, goes round.
+    An open curve is turned about its end points, so that these stay where it is longer than 4
+    sigma; a closed one, whose last point is its first, goes round.
     """
     reach = min(int(4 * sigma) + 1, len(values) - 1)
     if closed:
@@ -216,9 +191,10 @@ def blurred(values: np.ndarray, sigma: float, closed: bool = False) -> np.ndarra
 
 
 def tangents(xy: np.ndarray, offsets: np.ndarray, closed: np.ndarray | None = None) -> np.ndarray:
-    """Unit tangents (N, 2) by central differences, one-sided at the ends, wrapped on closed curves.
+    """Measure unit tangents (N, 2) by central differences, one-sided at ends, round closed curves.
 
-    Where neighbours coincide the tangent is (1, 0): finite, and of no consequence for a stroke of no length.
+    Where neighbours coincide the tangent is (1, 0): finite, and of no consequence for a stroke of
+    no length.
     """
     if not len(xy):
         return np.zeros((0, 2))
@@ -236,7 +212,7 @@ def tangents(xy: np.ndarray, offsets: np.ndarray, closed: np.ndarray | None = No
 def resample(
     xy: np.ndarray, offsets: np.ndarray, spacing: float, *fields: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Evenly spaced points on every polyline; both end points are kept.
+    """Space points evenly on every polyline; both end points are kept.
 
     The step of each curve is the one nearest `spacing` that divides its length.
 
@@ -263,7 +239,7 @@ def resample(
     place = along + np.repeat(shift, np.diff(offsets))
     at = t * np.repeat(length, count) + np.repeat(shift, count)
 
-    def carry(values):
+    def carry(values: np.ndarray) -> np.ndarray:
         flat = np.asarray(values, np.float64).reshape(len(xy), -1)
         out = np.stack([np.interp(at, place, column) for column in flat.T], axis=1)
         return out.reshape((len(at),) + np.shape(values)[1:])
@@ -274,12 +250,13 @@ def resample(
 
 
 def resample_curves(curves: Curves, spacing: float) -> Curves:
+    """Space points evenly on curves, about `spacing` px apart; both end points are kept."""
     xy, offsets, _ = resample(curves.xy, curves.offsets, spacing)
     return Curves(xy, offsets, curves.kind, curves.closed)
 
 
 def simplify(xy: np.ndarray, tolerance: float) -> np.ndarray:
-    """Indices (sorted) of the points of one polyline (n, d) kept by Ramer-Douglas-Peucker."""
+    """Choose the points of one polyline (n, d) that Ramer-Douglas-Peucker keeps: sorted indices."""
     keep = np.zeros(len(xy), bool)
     keep[[0, -1]] = True
     stack = [(0, len(xy) - 1)]
@@ -299,7 +276,7 @@ def simplify(xy: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def simplify_all(xy: np.ndarray, offsets: np.ndarray, tolerance: float | np.ndarray) -> np.ndarray:
-    """Which points (N,) bool Ramer-Douglas-Peucker keeps of each polyline, all of them cut in step.
+    """Tell which points (N,) bool Ramer-Douglas-Peucker keeps of each polyline, all cut in step.
 
     Parameters
     ----------
@@ -317,30 +294,55 @@ def simplify_all(xy: np.ndarray, offsets: np.ndarray, tolerance: float | np.ndar
         a, b, slack = a[wide], b[wide], slack[wide]
         if not len(a):
             return keep
-        count = b - a - 1  # points between the ends
-        head = np.cumsum(count) - count
-        span = np.repeat(np.arange(len(a)), count)
-        row = np.arange(len(span)) + (a + 1 - head)[span]
-        chord = columns[:, b] - columns[:, a]
-        size = np.maximum(np.square(chord).sum(axis=0), 1e-18)
-        rel = [column[row] - column[a][span] for column in columns]
-        t = sum(r * (c / size)[span] for r, c in zip(rel, chord, strict=True))
-        np.clip(t, 0.0, 1.0, out=t)
-        square = sum(np.square(r - t * c[span]) for r, c in zip(rel, chord, strict=True))
-        worst = np.maximum.reduceat(square, head)
-        pick = np.flatnonzero(square == worst[span])
-        at = np.zeros(len(a), np.int64)
-        at[span[pick[::-1]]] = row[pick[::-1]]  # of equals the first
+        worst, at = _farthest_from_chords(columns, a, b)
         cut = worst > np.square(slack)
         keep[at[cut]] = True
         a, b, slack = np.r_[a[cut], at[cut]], np.r_[at[cut], b[cut]], np.r_[slack[cut], slack[cut]]
 
 
-SAME_POINT = 1e-6  # px; nearer points are one
+def _farthest_from_chords(
+    columns: np.ndarray, a: np.ndarray, b: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the point between rows a and b (S,) farthest from their chord, the first of equals.
+
+    `columns` : (d, N), the coordinates of the points
+    Returns the square of its distance (S,), and its row (S,) int.
+    """
+    count = b - a - 1  # points between the ends
+    head = np.cumsum(count) - count
+    span = np.repeat(np.arange(len(a)), count)
+    row = np.arange(len(span)) + (a + 1 - head)[span]
+    chord = columns[:, b] - columns[:, a]
+    size = np.maximum(np.square(chord).sum(axis=0), 1e-18)
+    rel = [column[row] - column[a][span] for column in columns]
+    t = sum(r * (c / size)[span] for r, c in zip(rel, chord, strict=True))
+    t = np.clip(t, 0.0, 1.0)
+    square = sum(np.square(r - t * c[span]) for r, c in zip(rel, chord, strict=True))
+    return peaks(np.asarray(square), head, span, row)
+
+
+def peaks(
+    values: np.ndarray, head: np.ndarray, span: np.ndarray, row: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the largest of each span's values (P,), and the row of the first of equals, both (S,).
+
+    Parameters
+    ----------
+    head : (S,) int, where the values of each span begin
+    span : (P,) int, the span that each value is of
+    row : (P,) int, the row that each value is at
+    """
+    largest = np.maximum.reduceat(values, head)
+    pick = np.flatnonzero(values == largest[span])
+    at = np.zeros(len(head), np.int64)
+    at[span[pick[::-1]]] = row[pick[::-1]]
+    return largest, at
 
 
 def kind_named(name: str) -> int | None:
-    """Index into KINDS of the kind that a name holds as a word of its own ("layer-contour", "Creases"), or None.
+    """Find the kind that a name holds as a word of its own ("layer-contour", "Creases").
+
+    Returns its index into KINDS, or None.
 
     "suggestive contours" are suggestive: the words that qualify another kind are sought first.
     """
@@ -355,7 +357,20 @@ def kind_named(name: str) -> int | None:
 def clean_curves(
     xy: np.ndarray, offsets: np.ndarray, kind: np.ndarray, closed: np.ndarray | None = None
 ) -> Curves:
-    """Curves without repeated points and without those that are but a point; `closed` None: where the ends meet."""
+    """Make curves of polylines: without repeated points, and without lines that are but a point.
+
+    Parameters
+    ----------
+    xy : (N, 2) px
+    offsets : (C+1,) int
+    kind : (C,) int
+    closed : (C,) bool, which lines may be closed; None: all whose ends meet
+
+    Raises
+    ------
+    ValueError
+        where none is left.
+    """
     which = owner(offsets)
     keep = np.ones(len(xy), bool)
     keep[1:] = (np.abs(np.diff(xy, axis=0)) > SAME_POINT).any(axis=1) | (which[1:] != which[:-1])
@@ -371,3 +386,43 @@ def clean_curves(
         meet &= closed[usable]
     xy[end[meet]] = xy[start[meet]]
     return Curves(xy, offsets, kind[usable], meet)
+
+
+def clip(curves: Curves, width: int, height: int) -> Curves:
+    """Cut curves at the canvas' edge and keep what is inside; curves of no length are dropped."""
+    return clip_with_source(curves, width, height)[0]
+
+
+def clip_with_source(curves: Curves, width: int, height: int) -> tuple[Curves, np.ndarray]:
+    """Clip, and tell the curve that each piece is of, (C,) int."""
+    pieces: list[np.ndarray] = []
+    source: list[int] = []
+    closed: list[bool] = []
+    for i in range(len(curves)):
+        points = curves[i]
+        inside = points.min() >= 0 and points[:, 0].max() <= width and points[:, 1].max() <= height
+        for piece in [points] if inside else _clip_line(points, width, height):
+            if np.ptp(piece, axis=0).max() > MIN_EXTENT:
+                pieces.append(piece)
+                source.append(i)
+                closed.append(bool(curves.closed[i]) and piece is points)
+    of = np.array(source, np.int64)
+    return (Curves.from_list(pieces, curves.kind[of], closed) if pieces else Curves.empty()), of
+
+
+def _clip_line(points: np.ndarray, width: int, height: int) -> list[np.ndarray]:
+    """Clip every segment of one polyline (n, 2), after Liang and Barsky."""
+    a, d = points[:-1], np.diff(points, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = -a / d, (np.array([width, height]) - a) / d
+    flat = np.abs(d) < 1e-12
+    outside = flat & ((a < 0) | (a > [width, height]))
+    t0 = np.where(flat, 0.0, np.minimum(low, high)).max(axis=1).clip(0, 1)
+    t1 = np.where(flat, 1.0, np.maximum(low, high)).min(axis=1).clip(0, 1)
+    pieces: list[list[np.ndarray]] = []
+    for i in np.flatnonzero((t1 > t0) & ~outside.any(axis=1)):
+        begin, end = a[i] + t0[i] * d[i], a[i] + t1[i] * d[i]
+        if not pieces or t0[i] > 0 or np.abs(pieces[-1][-1] - begin).max() > 1e-9:
+            pieces.append([begin])
+        pieces[-1].append(end)
+    return [np.array(piece) for piece in pieces]

@@ -11,14 +11,14 @@ class Kind(NamedTuple):
     Parameters
     ----------
     name : as options, files and layers have it
-    soft : describes the form between the lines that the shape cannot be understood without. Soft lines are read off
-        curvature, so that noise of the mesh tells; all other lines are hard.
+    soft : describes the form between the lines that the shape cannot be understood without. Soft
+        lines are read off curvature, so that noise of the mesh tells; all other lines are hard.
     sharp : an edge of the mesh
-    follows_camera : found anew for each camera; the others lie still on the surface, and are found once. A crease
-        follows it as far as it gives way to a contour.
-    weight : by how much its length counts where it competes with a line of another kind for one place
-    prominence : how much it matters to the shape, as a style's features have it: one number, so that a kind that the
-        exemplar lacks lies between its neighbours
+    follows_camera : found anew for each camera; the others lie still on the surface, and are found
+        once. A crease follows it as far as it gives way to a contour.
+    weight : by how much its length counts where two kinds compete for one place
+    prominence : how much it matters to the shape, as a style's features have it: one number, so that
+        a kind that the exemplar lacks lies between its neighbours
     """
 
     name: str
@@ -29,7 +29,8 @@ class Kind(NamedTuple):
     prominence: float = 0.0
 
 
-# In order of priority: where two hard lines run together, the earlier kind stays. Files hold indices into this table.
+# In order of priority: where two hard lines run together, the earlier kind stays. Files hold
+# indices into this table.
 KIND_TABLE = (
     Kind("contour", follows_camera=True, prominence=1.0),
     Kind("boundary", sharp=True, prominence=1.0),

@@ -60,9 +60,9 @@ def _cases() -> np.ndarray:
     """Make the table of marching squares.
 
     (18, 4): by which side a walk with the inside on its left comes into a cell and leaves it,
-    twice; -1: not at all. The case is the sum of 1, 2, 4, 8 for the corners inside, clockwise from the top
-    left; 16 and 17 are the cases 5 and 10, opposite corners, where the middle joins what case 5 and
-    10 keep apart.
+    twice; -1: not at all. The case is the sum of 1, 2, 4, 8 for the corners inside, clockwise from
+    the top left; 16 and 17 are the cases 5 and 10, opposite corners, where the middle joins what
+    case 5 and 10 keep apart.
     """
     table = np.full((18, 4), -1)
     single = {1: (LEFT, TOP), 2: (TOP, RIGHT), 4: (RIGHT, BOTTOM), 8: (BOTTOM, LEFT)}
@@ -125,7 +125,7 @@ class _Grids:
         return np.stack(sides, axis=1)
 
     def crossings(self, edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Find where the level crosses edges (M,): points (M, 2) as (row, column), and grids (M,)."""
+        """Find where the level crosses edges (M,): (row, column) of each (M, 2), and its grid."""
         height, width = self.field.shape
         lies = edge < height * width
         row, column = np.divmod(np.where(lies, edge, edge - height * width), width)
@@ -172,7 +172,7 @@ def isolines(
 
 
 def cycles(after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Walk the cycles of a permutation: its elements as walked (n,), and the cycles' offsets (R+1,).
+    """Walk the cycles of a permutation: its elements as walked (n,), and offsets of the cycles.
 
     Each cycle begins at its lowest element, and they are sorted by it. By pointer jumping: log n
     rounds, no loop.
