@@ -13,7 +13,7 @@ import signal
 import threading
 import time
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -122,8 +122,8 @@ class Checkpoint:
         self,
         stage: str,
         steps: int,
-        learned: dict[str, Learned],
-        training: dict[str, Training],
+        learned: Mapping[str, Learned],
+        training: Mapping[str, Training],
         rng: np.random.Generator | None = None,
     ) -> Iterator[tuple[Iterator[int], Callable[[], None]]]:
         """Put a stage of `steps` steps back to where it stood.
@@ -169,8 +169,8 @@ class _Stage:
     def __init__(
         self,
         steps: int,
-        learned: dict[str, Learned],
-        training: dict[str, Training],
+        learned: Mapping[str, Learned],
+        training: Mapping[str, Training],
         rng: np.random.Generator | None,
     ):
         self.steps, self.learned, self.training, self.rng = steps, learned, training, rng

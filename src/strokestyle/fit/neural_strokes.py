@@ -28,7 +28,7 @@ from ..render.neural_strokes import (
     stroke_geometry,
     view_maps,
 )
-from .checkpoint import Checkpoint
+from .checkpoint import Checkpoint, Training
 from .exemplar import Exemplar
 from .losses import blur, holds_stroke, lsgan_loss, smoothness_loss
 from .patches import crop, cut_curves, patch_corners, patch_sizes, turned_patches
@@ -285,7 +285,7 @@ def _train_geometry(
     places = PatchSampler.of(exercise.view, config)
     curve = owner(exercise.view.curves.offsets)
     learned = {"surface": surface, "path": path}
-    training = {"optimiser": optimiser, "schedule": schedule}
+    training: dict[str, Training] = {"optimiser": optimiser, "schedule": schedule}
     with checkpoint.watch("geometry", steps, learned, training, rng) as (remaining, passed):
         for step in remaining:
             size, corners = places.draw(rng, config.batch)
@@ -352,7 +352,7 @@ def _train_texture(
     places = PatchSampler.of(exercise.view, config)
     images = torch.cat([exercise.maps[:, :-1], drawn[None, None], exercise.rgb], dim=1)
     learned = {"texture": texture, "discriminator": discriminator}
-    training = {
+    training: dict[str, Training] = {
         "opt_g": opt_g,
         "opt_d": opt_d,
         "schedule_g": schedule_g,

@@ -1,4 +1,4 @@
-"""The picture of a fit: exemplar, curves, mask and drawing side by side."""
+"""Show what a fit has learned: exemplar and drawing, and the masks of both, side by side."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from .exemplar import Exemplar
 
 
 def fit_report(view: View, exemplar: Exemplar, style: Style | NeuralStrokesStyle) -> np.ndarray:
-    """Exemplar, its mask, the drawn mask and the drawing, side by side: (H, 4 W, 3) float32 in [0, 1]."""
+    """Show exemplar, its mask, the drawn mask and the drawing side by side.
+
+    (H, 4 W, 3) float32 in [0, 1], on white.
+    """
     drawing = style.draw(view, seed=0)
     flat = replace(
         drawing, color=np.tile([0.0, 0.0, 0.0, 1.0], (len(drawing.strokes), 1)), texture=None

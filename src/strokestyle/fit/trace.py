@@ -16,7 +16,7 @@ from ..render.coverage import coverage
 from ..render.displacement import Frame
 from ..render.plan import Planned
 from ..render.style import trim_invisible_ends
-from .checkpoint import Checkpoint
+from .checkpoint import Checkpoint, Training
 from .config import FitConfig
 from .observe import Observation
 from .progress import Report
@@ -280,7 +280,7 @@ def optimise_strokes(
         return Traced(start.xy + across[:, None] * strokes.normals, start.log_width + widening)
 
     learned = {"across": across, "widening": widening}
-    training = {"optimiser": optimiser, "schedule": schedule}
+    training: dict[str, Training] = {"optimiser": optimiser, "schedule": schedule}
     with checkpoint.watch("trace", config.trace_steps, learned, training) as (remaining, passed):
         for step in remaining:
             optimiser.zero_grad(set_to_none=True)

@@ -18,9 +18,10 @@ from .learn import fit_quick
 from .neural_strokes import NeuralStrokesConfig, fit_neural_strokes
 from .progress import Progress, Reporter
 
+STANDARD = FitConfig("standard", steps=300, trace_steps=300)
 PRESETS: dict[str, FitConfig | NeuralStrokesConfig] = {
     "quick": FitConfig("quick", trace_steps=100),
-    "standard": FitConfig("standard", steps=300, trace_steps=300),
+    "standard": STANDARD,
     "paper": NeuralStrokesConfig(),
 }
 
@@ -28,7 +29,7 @@ PRESETS: dict[str, FitConfig | NeuralStrokesConfig] = {
 def fit_style(
     view: View,
     exemplar: Exemplar,
-    config: FitConfig | NeuralStrokesConfig = PRESETS["standard"],
+    config: FitConfig | NeuralStrokesConfig = STANDARD,
     *,
     seed: int = 0,
     device: str = "auto",
@@ -44,19 +45,21 @@ def fit_style(
     view : the shape as it was drawn
     exemplar : the drawing, at the view's size
     config : one of PRESETS, or a change of it
-    seed : same seed, same style, bit for bit on one machine (the paper's networks on a GPU: but for rounding)
+    seed : same seed, same style, bit for bit on one machine (the paper's networks on a GPU: but for
+        rounding)
     device : "auto", "cpu" or "cuda"
-    progress : called now and then
+    progress : called a few times a second
     source : the drawing's name, kept in the model
-    checkpoint : where to keep the state of the fit, and whether to go on from it; the caller removes it afterwards
-    minutes : choose as many steps as this machine can do in that time, so that the result depends on its speed; where
-        a checkpoint is gone on from, what was chosen then holds
+    checkpoint : where to keep the state of the fit, and whether to go on from it; the caller
+        removes it afterwards
+    minutes : choose as many steps as this machine can do in that time, so that the result depends
+        on its speed; where a checkpoint is gone on from, what was chosen then holds
 
     Raises
     ------
     ValueError
-        where drawing and view differ in size, or there are no strokes to learn from, or the checkpoint is damaged or
-        that of another fit.
+        where drawing and view differ in size, or there are no strokes to learn from, or the
+        checkpoint is damaged or that of another fit.
     KeyboardInterrupt
         on Ctrl-C, after the checkpoint is written.
     """
@@ -64,22 +67,22 @@ def fit_style(
     size = (view.camera.height, view.camera.width)
     if exemplar.mask.shape != size:
         raise ValueError(
-            f"the drawing is {exemplar.mask.shape[::-1]} px, the view {size[::-1]}: resample the drawing"
+            f"the drawing is {exemplar.mask.shape[::-1]} px, the view {size[::-1]}: "
+            "resample the drawing"
         )
     if exemplar.mask.max() < 0.5:
         raise ValueError("no strokes in this drawing: nothing to learn from")
     about = {"strokestyle": __version__, "preset": config.preset, "seed": seed, "exemplar": source}
-    device = pick_device(device)
-    checkpoint = checkpoint or Checkpoint()
+    where, checkpoint = pick_device(device), checkpoint or Checkpoint()
     checkpoint.begin(_key(view, exemplar, config, seed))
     if isinstance(config, NeuralStrokesConfig):
         report = Reporter(progress, config.geometry_steps + config.texture_steps)
         return fit_neural_strokes(
-            view, exemplar, config, seed, device, report, about, checkpoint, until
+            view, exemplar, config, seed, where, report, about, checkpoint, until
         )
     report = Reporter(progress, 2 * config.steps + config.trace_steps)
-    with repeatable(device):
-        style, _ = fit_quick(view, exemplar, config, seed, device, report, checkpoint, until)
+    with repeatable(where):
+        style, _ = fit_quick(view, exemplar, config, seed, where, report, checkpoint, until)
     return replace(style, about=about)
 
 
@@ -88,21 +91,13 @@ def _key(
 ) -> dict[str, str]:
     """What a checkpoint must have in common with a fit that is to go on from it."""
     curves, maps = view.curves, view.maps
+    shape = (curves.xy, curves.offsets, curves.kind, curves.closed, maps.values, maps.covered)
+    scale = () if maps.scale is None else (maps.scale,)
     return {
         "strokestyle": __version__,
         "preset": config.preset,
         "seed": str(seed),
         "drawing": digest(exemplar.rgb, exemplar.alpha, exemplar.ink, exemplar.mask),
-        "shape, view or lines": digest(
-            *(
-                curves.xy,
-                curves.offsets,
-                curves.kind,
-                curves.closed,
-                maps.values,
-                maps.covered,
-                maps.scale,
-            )
-        ),
+        "shape, view or lines": digest(*shape, *scale),
         "setting of the preset": repr(config),
     }
