@@ -20,11 +20,6 @@ from pathlib import Path
 
 from commands import EXAMPLES, measure
 
-os.environ.setdefault(
-    "OMP_WAIT_POLICY", "PASSIVE"
-)  # as strokestyle/cli/__init__.py, for the reason given there; for children
-os.environ.setdefault("GOMP_SPINCOUNT", "30000")
-
 PROCESS = Path(__file__).resolve()
 SHAPE = EXAMPLES / "shapes" / "elephant.ply"
 MOST = {"quick": 30, "standard": 180}  # s

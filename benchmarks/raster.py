@@ -12,9 +12,8 @@ import sys
 import time
 from pathlib import Path
 
-os.environ.setdefault(
-    "OMP_WAIT_POLICY", "PASSIVE"
-)  # as strokestyle/cli/__init__.py, for the reason given there
+# as strokestyle/render/__init__.py, for the reason given there, but before torch is imported here
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 import numpy as np

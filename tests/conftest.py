@@ -1,6 +1,3 @@
-"""Set before anything imports torch, for the reason that strokestyle/cli/__init__.py gives."""
+"""Says how torch's threads wait, before anything imports torch; `render` gives the reason."""
 
-import os
-
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-os.environ.setdefault("GOMP_SPINCOUNT", "30000")
+import strokestyle.render  # noqa: F401

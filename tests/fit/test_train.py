@@ -1,5 +1,8 @@
 """What is learned from drawings whose making is known."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -86,3 +89,20 @@ def test_a_drawing_of_another_size_and_an_empty_one_are_refused():
         fit_style(view, replace(exemplar, mask=np.zeros_like(exemplar.mask)), QUICK, device="cpu")
     with pytest.raises(ValueError, match="device"):
         fit_style(view, exemplar, QUICK, device="tpu")
+
+
+@pytest.mark.parametrize("module", ["strokestyle.fit", "strokestyle.render", "strokestyle.cli.fit"])
+def test_threads_are_told_how_to_wait_before_torch_is_imported(module):
+    """A package alone is enough, and costs no import of torch."""
+    code = f"""
+import os, sys
+import {module}
+if "cli" in "{module}":
+    import strokestyle.fit.config
+assert "torch" not in sys.modules
+print(os.environ["OMP_WAIT_POLICY"], os.environ["GOMP_SPINCOUNT"])
+"""
+    names = ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT")
+    bare = {name: value for name, value in os.environ.items() if name not in names}
+    done = subprocess.run([sys.executable, "-c", code], env=bare, capture_output=True, text=True)
+    assert done.stdout.split() == ["PASSIVE", "30000"], done.stderr

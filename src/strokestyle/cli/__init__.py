@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from typing import Any
 
@@ -11,13 +10,6 @@ import click
 from .. import __version__
 from . import edit, extract, fit, render, view
 from .messages import describe, say
-
-# torch makes its threads wait by spinning unless told otherwise before it is imported. On two cores
-# shared with other work that made a fit 5 times slower (138 s for 25 s); sleeping at once made it a
-# quarter slower on idle ones (17.3 s for 13.7 s). So they spin for some 30 microseconds, and then
-# sleep. No command imports torch before it runs.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 
 class Group(click.Group):
