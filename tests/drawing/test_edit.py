@@ -107,7 +107,8 @@ def test_strips_of_one_column_are_edited_too():
 def test_nothing_is_an_edit_that_changes_nothing():
     drawing = small("grain")
     for same in (
-        edits.thicken(drawing, 1), edits.wiggle(drawing, 0, 9), edits.smooth(drawing, 0), edits.simplify(drawing, 0),
+        edits.thicken(drawing, 1), edits.wiggle(drawing, 0, 9), edits.smooth(drawing, 0),
+        edits.simplify(drawing, 0),
         edits.taper(drawing, 0), edits.move(drawing, 0, 0.5, (0, 0)),
     ):  # fmt: skip
         assert same is drawing

@@ -44,9 +44,9 @@ def test_outline_is_the_union_of_discs_within_tolerance(name):
 
 
 def worst(line, tolerance=0.1, count=20000):
-    """How deep in the stroke a point is that is not filled, or how far from it one that is: px, of many points.
+    """How deep in the stroke a point is that is not filled, or how far from it one that is: px.
 
-    Most lie close to the outline's own curves: spikes and slits do.
+    Of many points, most lie close to the outline's own curves: spikes and slits do.
     """
     rings = [walked(ring, 48) for ring in outline(line, tolerance)]
     on = np.concatenate(rings)
@@ -102,7 +102,7 @@ def test_a_fine_tolerance_is_held(tolerance):
 
 
 def test_cubics_keep_to_the_edges_of_a_polygon_between_its_points():
-    """A thin wedge with round tips: a long edge beside a short one, whose tangents point far off it."""
+    """A thin wedge with round tips: a long edge beside a short one, which its tangents leave."""
     ring = np.array(
         [
             [0, 0.4],
@@ -124,7 +124,8 @@ def test_cubics_keep_to_the_edges_of_a_polygon_between_its_points():
 
 @pytest.mark.parametrize("seed", [7, 9, 16, 18, 116, 124, 379, 642, 771, 3128, 3425])
 def test_scribbles_are_filled_too(seed):
-    # tangles of short and fat pieces, found by search: here cutting loops off would open holes if nothing looked
+    # tangles of short and fat pieces, found by search: here cutting loops off would open holes if
+    # nothing looked
     rng = np.random.default_rng(seed)
     count = rng.integers(3, 14)
     xy = np.cumsum(rng.normal(0, rng.uniform(1, 8), (count, 2)), axis=0) + 60

@@ -1,4 +1,4 @@
-"""Strips: straight and premultiplied colours, resampling, pieces, and what an edit carries along."""
+"""Strips: straight and premultiplied colours, resampling, pieces, and what edits carry along."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def level(length=100.0, width=8.0, points=26, closed=False):
 
 
 def striped(length=100.0, width=8.0, columns=10):
-    """A strip of `level` whose red is its place along the stroke in px, opaque where there is ink."""
+    """A strip of `level`: red is the place along the stroke in px, opaque where there is ink."""
     margin = 1.0
     rows = round(ROWS_A_PX * (length + width + 2 * margin))
     rgba = np.zeros((rows, columns, 4), np.uint8)

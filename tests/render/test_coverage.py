@@ -11,7 +11,7 @@ SHARED = os.environ.get("STROKESTYLE_SHARED")
 
 
 def sampled(xy, thickness, offsets, height, width, n=16):
-    """Coverage by n x n samples a pixel, inked where the distance to a segment is below half the width there."""
+    """Coverage by n x n samples a pixel: ink is nearer to a segment than half the width there."""
     gx, gy = np.meshgrid((np.arange(width * n) + 0.5) / n, (np.arange(height * n) + 0.5) / n)
     inside = np.zeros(gx.shape, bool)
     for first, end in zip(offsets[:-1], offsets[1:], strict=True):
@@ -117,7 +117,8 @@ def test_thin_and_even_absent_strokes_still_feel_their_thickness():
 
 
 def test_crossing_strokes_and_strokes_side_by_side_fill_the_pixel_they_share():
-    # two bars that meet on a pixel's middle line cover it whole; the larger cover alone would say one half
+    # two bars that meet on a pixel's middle line cover it whole; the larger cover alone would say
+    # one half
     out = cover([[-5, 4], [20, 4], [-5, 7], [20, 7]], [3.0] * 4, [0, 2, 4], 12, 12).numpy()
     np.testing.assert_allclose(out[5], 1.0, atol=1e-9)
     # one bar drawn twice is no darker than once
@@ -242,7 +243,8 @@ def test_stored_scenes_are_met():
             return (a * b).sum() / np.sqrt((a * a).sum() * (b * b).sum())
 
         assert cosine(xy.grad.numpy(), scene["fd_points"]) > 0.985, path.stem
-        # in the scene left out two edges lie within the finite difference's step of each other, at the kink of |.|:
+        # in the scene left out two edges lie within the finite difference's step of each other, at
+        # the kink of |.|:
         # benchmarks/raster.py shows that differences of our own coverage agree there to 0.9999
         if path.stem != "partly_outside_96x128":
             assert cosine(thickness.grad.numpy(), scene["fd_thickness"]) > 0.96, path.stem

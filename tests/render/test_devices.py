@@ -1,4 +1,7 @@
-"""What would break on a GPU, looked for without one: tensors made without saying where, and arrays taken from there."""
+"""What would break on a GPU, looked for without one.
+
+That is tensors made without saying where, and arrays taken from there.
+"""
 
 import sys
 from dataclasses import replace
@@ -13,20 +16,24 @@ from strokestyle.render.coverage import coverage
 from strokestyle.render.devices import pick_device, repeatable
 
 MAKERS = {
-    torch.arange, torch.as_tensor, torch.empty, torch.eye, torch.full, torch.linspace, torch.ones, torch.rand,
-    torch.randn, torch.tensor, torch.zeros,
+    torch.arange, torch.as_tensor, torch.empty, torch.eye, torch.full, torch.linspace, torch.ones,
+    torch.rand, torch.randn, torch.tensor, torch.zeros,
 }  # fmt: skip
 
 
 class OnAnotherDevice(TorchFunctionMode):
-    """Stops where strokestyle makes a tensor on the default device, or takes an array from one not on the host."""
+    """Stops where strokestyle makes a tensor on the default device, or takes an array from another.
+
+    Another device is one that is not the host.
+    """
 
     def __torch_function__(self, func, types, args=(), kwargs=None):
         kwargs = kwargs or {}
         caller = sys._getframe(1)
         if caller.f_globals.get("__name__", "").startswith("strokestyle"):
             place = f"{caller.f_code.co_filename}:{caller.f_lineno}"
-            # networks are made on the host, so that a seed gives them the same start everywhere, and moved
+            # networks are made on the host and moved, so that a seed gives them the same start
+            # everywhere
             makes = caller.f_code.co_name, caller.f_globals["__name__"]
             network = makes == ("__init__", "strokestyle.render.networks")
             if func in MAKERS and kwargs.get("device") is None and not network:

@@ -1,4 +1,4 @@
-"""The paper's preset: patches, losses in closed form, and a schedule of a few steps from drawing to model file."""
+"""The paper's preset: patches, losses in closed form, a few steps from drawing to model file."""
 
 from dataclasses import replace
 
@@ -56,7 +56,8 @@ def test_curves_are_cut_at_the_border_of_patches():
     xy = np.array([[1.0, 1], [3, 1], [5, 1], [7, 1], [3, 3], [5, 3], [9, 9]])
     curve = np.array([0, 0, 0, 0, 1, 1, 1])
     rows, offsets, image = cut_curves(xy, curve, np.array([[2, 0], [0, 0], [50, 50]]), 4)
-    # patch 0 sees points 1, 2 of curve 0 and 4, 5 of curve 1; patch 1 sees 0, 1 and (alone, left out) 4
+    # patch 0 sees points 1, 2 of curve 0 and 4, 5 of curve 1; patch 1 sees 0, 1 and (alone, left
+    # out) 4
     assert rows.tolist() == [1, 2, 4, 5, 0, 1]
     assert offsets.tolist() == [0, 2, 4, 6] and image.tolist() == [0, 0, 0, 0, 1, 1]
     rows, offsets, image = cut_curves(xy, curve, np.array([[50, 50]]), 4)

@@ -315,7 +315,7 @@ def hash_noise(seed: int, stroke: int, count: int) -> np.ndarray:
     both wiggle alike.
     """
 
-    def mixed(h):
+    def mixed(h: np.ndarray) -> np.ndarray:
         h = (h ^ (h >> np.uint32(16))) * np.uint32(0x85EBCA6B)
         h = (h ^ (h >> np.uint32(13))) * np.uint32(0xC2B2AE35)
         return h ^ (h >> np.uint32(16))

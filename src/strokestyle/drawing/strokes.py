@@ -40,7 +40,7 @@ class Strokes:
     kind: np.ndarray
     closed: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         xy = np.asarray(self.xy, np.float64)
         thickness = np.asarray(self.thickness, np.float64)
         offsets = np.asarray(self.offsets, np.int64)
@@ -113,7 +113,7 @@ class Texture:
     offsets: np.ndarray
     margin: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         rgba, offsets = np.asarray(self.rgba), np.asarray(self.offsets, np.int64)
         if rgba.ndim != 3 or rgba.shape[2] != 4 or rgba.dtype != np.uint8 or rgba.shape[1] < 1:
             raise ValueError(
@@ -160,7 +160,7 @@ class Drawing:
     texture: Texture | None = None
     parts: Parts | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         color = np.asarray(self.color, np.float64)
         if color.shape != (len(self.strokes), 4):
             raise ValueError(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
+from typing import Any
 
 from PIL import Image
 
@@ -29,7 +30,7 @@ class FigureStep:
 
 
 def figure_steps(
-    view: View, drawing: Drawing, *, title: str = "", background: str | None = None, **options
+    view: View, drawing: Drawing, *, title: str = "", background: str | None = None, **options: Any
 ) -> list[FigureStep]:
     """Draw the steps in which a drawing of a view comes about, in order, on one canvas.
 

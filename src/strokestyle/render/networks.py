@@ -130,7 +130,7 @@ class PatchDiscriminator(nn.Module):
     Isola et al. 2017.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__()
         layers: list[nn.Module] = [nn.Conv2d(3, 64, 4, 2, 1), nn.LeakyReLU(0.2)]
         for a, b, stride in ((64, 128, 2), (128, 256, 2), (256, 512, 1)):
