@@ -115,12 +115,12 @@ def test_a_chain_may_waver_but_not_zigzag(zigzag, chains):
     heading = np.radians(zigzag * (-1.0) ** np.arange(12))
     along = np.stack([np.cos(heading), np.sin(heading), np.zeros(12)], 1)
     ends = np.stack([np.arange(12), np.arange(1, 13)], 1)
-    assert len(np.unique(module._chains(ends, along))) == chains
+    assert len(np.unique(module.chains(ends, along))) == chains
     turned = (
         np.random.default_rng(0).random(12) < 0.5
     )  # which end of an edge comes first does not matter
     ends[turned], along[turned] = ends[turned, ::-1], -along[turned]
-    assert len(np.unique(module._chains(ends, along))) == chains
+    assert len(np.unique(module.chains(ends, along))) == chains
 
 
 def test_the_straightest_go_on_at_a_crossing():
@@ -129,7 +129,7 @@ def test_the_straightest_go_on_at_a_crossing():
     )  # into the vertex, out of it, in, out, and one more out
     along = np.stack([np.cos(heading), np.sin(heading), np.zeros(5)], 1)
     ends = np.array([[1, 0], [0, 2], [3, 0], [0, 4], [0, 5]])
-    chain = module._chains(ends, along)
+    chain = module.chains(ends, along)
     assert chain[0] == chain[1] != chain[2] == chain[3] and chain[4] not in chain[:4]
 
 

@@ -17,8 +17,8 @@ class Kind(NamedTuple):
     follows_camera : found anew for each camera; the others lie still on the surface, and are found
         once. A crease follows it as far as it gives way to a contour.
     weight : by how much its length counts where two kinds compete for one place
-    prominence : how much it matters to the shape, as a style's features have it: one number, so that
-        a kind that the exemplar lacks lies between its neighbours
+    prominence : how much it matters to the shape, as a style's features have it: one number, so
+        that a kind that the exemplar lacks lies between its neighbours
     """
 
     name: str

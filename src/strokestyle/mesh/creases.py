@@ -1,4 +1,4 @@
-"""Which sharp edges of a mesh are creases of the shape, and which are only the noise of a scan or a coarse mesh."""
+"""Tell creases of the shape from sharp edges that are only the noise of a scan or a coarse mesh."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-LONG = 0.06  # of the longest side: so far must a crease reach whose sides bend ROUND times as much beside it
+from ..geometry.curves import runs
+from .triangles import row_dot
+
+# Lengths are of the longest side.
+LONG = 0.06  # so far must a crease reach whose sides bend ROUND times as much beside it
 ROUND = 0.3
-SHORT = 0.01  # of the longest side: and so far one between flat sides
+SHORT = 0.01  # and so far one between flat sides
 STRAIGHT = 50.0  # degrees: a crease turns less from edge to edge, or ends
 WEAK = 0.7  # of the crease angle: where a crease is followed to
 FOLDED = 150.0  # degrees: at an edge that bends more, a face is folded over
-MANY = 64  # sharp edges at one vertex: a fan, and none goes on as another
+MAX_FAN = 64  # sharp edges at one vertex; of more, as in a fan, none is the continuation of another
 
 
 def creases(
@@ -23,14 +27,15 @@ def creases(
     bend: np.ndarray,
     angle: float,
 ) -> np.ndarray:
-    """The edges (E,) bool that are creases: those of more than `angle` that hold together as a line would.
+    """Find the creases (E,) bool: edges of more than `angle` that hold together as a line would.
 
-    A true crease goes on from edge to edge without turning much, and lies between sides that are flat next to it; the
-    sharp edges of noise and of details too fine for the mesh zigzag, between sides that bend as much. So edges of more
-    than WEAK `angle` are chained to the straightest ones that follow them. Of a chain those that exceed `angle` are
-    kept where they reach far enough: the farther, the rounder its sides are. Where they make up half of it, all of it
-    is kept, and so is an edge that fills a gap between two such. Those that are FOLDED over are faults of the mesh, or
-    the edge of a blade: they must reach LONG.
+    A true crease goes on from edge to edge without turning much, and lies between sides that are
+    flat next to it; the sharp edges of noise and of details too fine for the mesh zigzag, between
+    sides that bend as much. So edges of more than WEAK `angle` are chained to the straightest ones
+    that follow them. Of a chain those that exceed `angle` are kept where they reach far enough: the
+    farther, the rounder its sides are. Where they make up half of it, all of it is kept, and so is an
+    edge that fills a gap between two such. Those that are FOLDED over are faults of the mesh, or the
+    edge of a blade: they must reach LONG.
 
     Parameters
     ----------
@@ -48,15 +53,14 @@ def creases(
     along = points[ends[edge, 1]] - points[ends[edge, 0]]
     length = np.linalg.norm(along, axis=1)
     along /= np.maximum(length, 1e-30)[:, None]
-    chain = _chains(ends[edge], along)
+    chain = chains(ends[edge], along)
     strong, folded = bend[edge] > angle, bend[edge] > np.radians(FOLDED)
     reach = np.bincount(chain, length * strong)
     share = reach / np.maximum(np.bincount(chain, length), 1e-30)
     beside = _bend_beside(points, ends, of_side, faces, bend, edge, along)
     beside = np.where(folded, ROUND * bend[edge], beside)
-    roundness = np.bincount(chain, length * beside) / np.maximum(
-        np.bincount(chain, length * bend[edge]), 1e-30
-    )
+    own = np.bincount(chain, length * bend[edge])
+    roundness = np.bincount(chain, length * beside) / np.maximum(own, 1e-30)
     good = reach >= np.maximum(LONG * (roundness / ROUND) ** 2, SHORT)
     kept = good[chain] & (strong | (share >= 0.5)[chain])
     met = np.zeros(len(points), bool)
@@ -65,49 +69,62 @@ def creases(
     return out
 
 
-def _chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """The chain (M,) that each edge with ends (M, 2) and direction (M, 3) belongs to.
+def chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Number the chains of edges with ends (M, 2) and directions (M, 3): the chain (M,) of each edge.
 
     At a vertex two edges go on as each other where each is the other's straightest continuation.
     """
     count = len(ends)
-    order = np.argsort(ends.ravel(), kind="stable")  # end 2 i + j is end j of edge i
-    vertex = ends.ravel()[order]
-    start = np.flatnonzero(np.r_[True, vertex[1:] != vertex[:-1]])
-    degree = np.diff(np.r_[start, 2 * count])
-    left = (
-        np.repeat(start + degree, degree) - np.arange(2 * count) - 1
-    )  # ends of the same vertex yet to come
-    left[np.repeat(degree, degree) > MANY] = 0
-    one, two = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for k in range(1, int(left.max(initial=0)) + 1):
-        at = np.flatnonzero(left >= k)
-        one.append(order[at])
-        two.append(order[at + k])
-    one, two = np.concatenate(one), np.concatenate(two)
+    one, two = _pairs_at_vertices(ends)
     outward = np.stack([along, -along], axis=1).reshape(-1, 3)
-    cosine = -np.einsum("ij,ij->i", outward[one], outward[two])
+    cosine = -row_dot(outward[one], outward[two])
     straight = cosine > np.cos(np.radians(STRAIGHT))
     one, two, cosine = one[straight], two[straight], cosine[straight]
     best = np.full(2 * count, -2.0)
     np.maximum.at(best, one, cosine)
     np.maximum.at(best, two, cosine)
     both = (cosine == best[one]) & (cosine == best[two])
-    links = coo_matrix(
-        (np.ones(both.sum(), np.int8), (one[both] // 2, two[both] // 2)), shape=(count, count)
-    )
+    pairs = one[both] // 2, two[both] // 2
+    links = coo_matrix((np.ones(both.sum(), np.int8), pairs), shape=(count, count))
     return connected_components(links, directed=False)[1]
 
 
-def _bend_beside(points, ends, of_side, faces, bend, edge, along) -> np.ndarray:
-    """How much the surface bends about the same axis right beside each of some edges (M,), radians: the most at the
-    other sides of its two faces."""
+def _pairs_at_vertices(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pair the ends of edges (M, 2) that are at one vertex: numbers (P,) of both, end j of edge i as 2 i + j."""
+    order = np.argsort(ends.ravel(), kind="stable")
+    start = runs(ends.ravel()[order])
+    degree = np.diff(start)
+    # ends of the same vertex yet to come
+    left = np.repeat(start[1:], degree) - np.arange(len(order)) - 1
+    left[np.repeat(degree, degree) > MAX_FAN] = 0
+    at = [np.flatnonzero(left >= k) for k in range(1, int(left.max(initial=0)) + 1)]
+    nothing = np.zeros(0, np.int64)
+    one = [nothing, *(order[rows] for rows in at)]
+    two = [nothing, *(order[rows + k] for k, rows in enumerate(at, 1))]
+    return np.concatenate(one), np.concatenate(two)
+
+
+def _bend_beside(
+    points: np.ndarray,
+    ends: np.ndarray,
+    of_side: np.ndarray,
+    faces: np.ndarray,
+    bend: np.ndarray,
+    edge: np.ndarray,
+    along: np.ndarray,
+) -> np.ndarray:
+    """Measure how much the surface bends right beside some edges about the same axis, (M,) radians.
+
+    That is the most at the other sides of an edge's two faces.
+
+    `edge` : (M,) int; `along` : (M, 3), its direction; the others as `creases` has them
+    """
     most = np.zeros(len(edge))
     for face in faces[edge].T:
         for other in of_side[face].T:
             direction = points[ends[other, 1]] - points[ends[other, 0]]
             direction /= np.maximum(np.linalg.norm(direction, axis=1), 1e-30)[:, None]
-            about = bend[other] * np.abs(np.einsum("ij,ij->i", direction, along))
+            about = bend[other] * np.abs(row_dot(direction, along))
             nothing = (other == edge) | (face < 0) | (bend[other] > np.radians(FOLDED))
             most = np.maximum(most, np.where(nothing, 0.0, about))
     return most

@@ -1,4 +1,7 @@
-"""Make a mesh fit to be measured: weld, drop what has no area, turn, split at creases."""
+"""Make a mesh fit to be measured: weld, drop what has no area, turn, split at creases.
+
+Lengths are of the longest side of the mesh.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +10,14 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from ..geometry.curves import runs
 from .creases import creases
 from .curvature import vertex_normals
 from .triangles import Edges, all_corners, bends, clashes, face_normals, row_dot
 
-LONG_EDGE = (
-    0.03  # of the longest side: edges so long that normals must not run from a tip along them
-)
-WELD = 1e-6  # of the longest side: boundary vertices nearer than this are one vertex
+LONG_EDGE = 0.03  # edges so long that normals must not run from a tip along them
+WELD = 1e-6  # boundary vertices nearer than this are one vertex
+MAX_KEYED = 2_000_000  # vertices: three indices of so many fit one int64
 _CELLS = 2**21  # per axis: the grid on which equal positions are found; 3 x 21 bits fit an int64
 
 
@@ -28,7 +31,11 @@ def drop_unused_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.nd
 
 
 def centre_and_scale(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Points -> the same with box centre 0 and longest side 1, and the centre and scale that undo it."""
+    """Move and scale points (V, 3) to box centre 0 and longest side 1.
+
+    Returns them, and the centre (3,) and the scale that undo it. Raises ValueError where they have
+    no size, or none that can be handled.
+    """
     low, high = points.min(axis=0), points.max(axis=0)
     centre = 0.5 * low + 0.5 * high  # halves first: coordinates may be near the largest float
     scale = float((0.5 * high - 0.5 * low).max())
@@ -42,64 +49,58 @@ def centre_and_scale(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]
 def weld_vertices(
     points: np.ndarray, faces: np.ndarray, part: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Merge vertices at one place, then drop faces without area and repeated faces. Longest side must be 1."""
+    """Merge vertices at one place, then drop faces without area and repeated faces.
+
+    points (V, 3) with longest side 1, faces (F, 3), part (F,) -> the same of what is left
+    """
     cell = np.clip(((points + 0.5) * (_CELLS - 1) + 0.5).astype(np.int64), 0, _CELLS - 1)
     key = (cell[:, 0] * _CELLS + cell[:, 1]) * _CELLS + cell[:, 2]
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     faces = first[inverse.ravel()][faces]
     points, faces = drop_unused_vertices(points, faces)
     faces, part = drop_degenerate_faces(points, faces, part)
-    # Two nearly equal positions can fall into two cells. Where that tore the mesh, both lie on a boundary.
-    edges = Edges.of(faces, len(points))
-    open_edges = edges.ends[edges.uses == 1]
-    if len(open_edges):
-        rim = np.unique(open_edges)
-        pairs = cKDTree(points[rim]).query_pairs(WELD, output_type="ndarray")
-        if len(pairs):
-            links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(rim), len(rim)))
-            group = connected_components(links, directed=False)[1]
-            _, first = np.unique(group, return_index=True)
-            target = np.arange(len(points))
-            target[rim] = rim[first[group]]
-            faces, part = drop_degenerate_faces(points, target[faces], part)
+    faces, part = _close_cracks(points, faces, part)
     return *drop_unused_vertices(points, faces), part
+
+
+def _close_cracks(
+    points: np.ndarray, faces: np.ndarray, part: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Merge boundary vertices nearer than WELD: faces and part.
+
+    Two nearly equal positions can fall into two cells of the grid. Where that tore the mesh, both lie
+    on a boundary.
+    """
+    edges = Edges.of(faces, len(points))
+    rim = np.unique(edges.ends[edges.uses == 1])
+    if not len(rim):
+        return faces, part
+    pairs = cKDTree(points[rim]).query_pairs(WELD, output_type="ndarray")
+    if not len(pairs):
+        return faces, part
+    links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(rim), len(rim)))
+    group = connected_components(links, directed=False)[1]
+    _, first = np.unique(group, return_index=True)
+    target = np.arange(len(points))
+    target[rim] = rim[first[group]]
+    return drop_degenerate_faces(points, target[faces], part)
 
 
 def drop_degenerate_faces(
     points: np.ndarray, faces: np.ndarray, part: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    p0, p1, p2 = (points[faces[:, i]] for i in range(3))
-    longest = np.maximum(
-        row_dot(p1 - p0, p1 - p0), np.maximum(row_dot(p2 - p1, p2 - p1), row_dot(p0 - p2, p0 - p2))
-    )
-    cross = np.cross(p1 - p0, p2 - p0)
-    good = (
-        np.sqrt(row_dot(cross, cross)) > 1e-10 * longest
-    )  # height over base; repeated indices give 0 > 0
-    a, b, c = faces.T
-    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    sorted_faces = np.stack([low, a + b + c - low - high, high], axis=1)
-    count = len(points)
-    if (
-        count < 2_000_000
-    ):  # three indices fit one int64: a plain sort, many times faster than by rows
-        key = (sorted_faces[:, 0] * count + sorted_faces[:, 1]) * count + sorted_faces[:, 2]
-        first = np.unique(key, return_index=True)[1]
-    else:
-        first = np.unique(sorted_faces, axis=0, return_index=True)[1]
-    once = np.zeros(len(faces), bool)
-    once[first] = True
-    good &= once
+    """Drop faces (F, 3) without area and repeated faces, and their part (F,).
+
+    A face of three points in a row may close the gap between one long side and two short ones: then
+    it stays. Raises ValueError where no face has any area.
+    """
+    corners = _sorted_corners(faces)
+    once = _first_of_each(corners, len(points))
+    good = once & _has_area(points, faces)
     if good.any() and not good.all():
-        # A face of three points in a row may close the gap between one long side and two short ones: then it stays.
-        filler = (
-            once
-            & ~good
-            & (sorted_faces[:, 0] < sorted_faces[:, 1])
-            & (sorted_faces[:, 1] < sorted_faces[:, 2])
-        )
+        filler = once & ~good & (np.diff(corners, axis=1) > 0).all(axis=1)
         left = np.flatnonzero(good | filler)
-        edges = Edges.of(faces[left], count)
+        edges = Edges.of(faces[left], len(points))
         tight = all_corners(edges.of_side, edges.uses == 2)
         good[left] |= filler[left] & tight
     if not good.any():
@@ -107,87 +108,151 @@ def drop_degenerate_faces(
     return faces[good], part[good]
 
 
+def _has_area(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Tell which faces have an area, (F,) bool: a height over their base that is no rounding."""
+    p0, p1, p2 = (points[faces[:, i]] for i in range(3))
+    sides = p1 - p0, p2 - p1, p0 - p2
+    one, two, three = (row_dot(side, side) for side in sides)
+    longest = np.maximum(one, np.maximum(two, three))
+    cross = np.cross(p1 - p0, p2 - p0)
+    return np.sqrt(row_dot(cross, cross)) > 1e-10 * longest  # repeated indices give 0 > 0
+
+
+def _sorted_corners(faces: np.ndarray) -> np.ndarray:
+    """Sort the corners of each face (F, 3): many times faster than to sort short rows."""
+    a, b, c = faces.T
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    return np.stack([low, a + b + c - low - high, high], axis=1)
+
+
+def _first_of_each(corners: np.ndarray, count: int) -> np.ndarray:
+    """Find the first of faces with the same sorted corners (F, 3) out of `count` vertices, (F,) bool."""
+    if count < MAX_KEYED:  # a plain sort, many times faster than by rows
+        key = (corners[:, 0] * count + corners[:, 1]) * count + corners[:, 2]
+        first = np.unique(key, return_index=True)[1]
+    else:
+        first = np.unique(corners, axis=0, return_index=True)[1]
+    once = np.zeros(len(corners), bool)
+    once[first] = True
+    return once
+
+
 def faces_to_flip(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndarray:
-    """(F,) bool, the faces to turn over so that the winding agrees within each component: outward where it is closed,
-    as most faces have it where it is open."""
-    turn = np.zeros(len(faces), bool)
+    """Find the faces (F,) bool to turn over so that the winding agrees within each component.
+
+    Outward where it is closed, as most faces have it where it is open.
+    """
     clash = clashes(faces, edges)
+    turn = _majority_turn(edges, clash) if clash.any() else np.zeros(len(faces), bool)
     component = edges.components()
-    if clash.any():
-        # Two copies of each face, one per winding. Copies that must go together are connected; a component is
-        # orientable when its two windings stay apart.
-        inner = edges.uses == 2
-        f, g = edges.faces[inner].T
-        swap = clash[inner]
-        n = len(faces)
-        rows, columns = np.r_[f, f + n], np.r_[np.where(swap, g + n, g), np.where(swap, g, g + n)]
-        links = coo_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(2 * n, 2 * n))
-        label = connected_components(links, directed=False)[1]
-        kept, turned = label[:n], label[n:]
-        # of the two windings of a component, take the one that more faces have as given; the lower label at a tie
-        votes = np.bincount(kept, minlength=label.max() + 1)
-        turn = (votes[turned] > votes[kept]) | ((votes[turned] == votes[kept]) & (turned < kept))
     closed = np.ones(component.max() + 1, bool)
     closed[component[edges.at_face(edges.uses == 1)]] = False
     p0, p1, p2 = (points[faces[:, i]] for i in range(3))
-    volume = np.bincount(
-        component, weights=np.where(turn, -1.0, 1.0) * row_dot(p0, np.cross(p1, p2))
-    )
+    signed = np.where(turn, -1.0, 1.0) * row_dot(p0, np.cross(p1, p2))
+    volume = np.bincount(component, weights=signed)
     return turn ^ (closed & (volume < 0.0))[component]
+
+
+def _majority_turn(edges: Edges, clash: np.ndarray) -> np.ndarray:
+    """Find the faces (F,) bool to turn over so that neighbours agree and most faces stay as they are.
+
+    Two copies of each face, one per winding. Copies that must go together are connected; a component
+    is orientable when its two windings stay apart.
+    """
+    inner = edges.uses == 2
+    f, g = edges.faces[inner].T
+    swap, n = clash[inner], len(edges.of_side)
+    rows, columns = np.r_[f, f + n], np.r_[np.where(swap, g + n, g), np.where(swap, g, g + n)]
+    links = coo_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(2 * n, 2 * n))
+    label = connected_components(links, directed=False)[1]
+    kept, turned = label[:n], label[n:]
+    # of the two windings of a component, the one that more faces have; the lower label at a tie
+    votes = np.bincount(kept, minlength=label.max() + 1)
+    return (votes[turned] > votes[kept]) | ((votes[turned] == votes[kept]) & (turned < kept))
 
 
 def split_at_creases(
     points: np.ndarray, faces: np.ndarray, edges: Edges, crease: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give each side of a sharp edge vertices of its own: faces (F, 3) over the new vertices, and their old ones (V,).
+    """Give each side of a sharp edge vertices of its own.
 
-    Sharp are the `creases`, edges that meet in a tip, those that no winding can agree about, and those of more than two
-    faces. A vertex is repeated once for each group of its faces that is joined through other edges, so that one sharp
-    edge alone changes nothing.
+    Sharp are the `creases`, edges that meet in a tip, those that no winding can agree about, and
+    those of more than two faces. A vertex is repeated once for each group of its faces that is joined
+    through other edges, so that one sharp edge alone changes nothing.
+
+    Parameters
+    ----------
+    points : (V, 3), longest side 1
+    faces : (F, 3) int
+    edges : those of the faces
+    crease : degrees; 180 for no creases and tips
+
+    Returns
+    -------
+    faces (F, 3) over the new vertices, and the old vertex (V',) of each of these
     """
-    count = len(points)
     inner = np.flatnonzero(edges.uses == 2)
-    normal = face_normals(points, faces, edges)
     clash = clashes(faces, edges)
+    sharp = _sharp_edges(points, faces, edges, clash, crease)[inner]
+    if not (sharp.any() or clash[inner].any() or (edges.uses > 2).any()):
+        return faces, np.arange(len(points))
+    group = _joined_corners(faces, edges, inner[~(sharp | clash[inner])])
+    old = np.empty(group.max() + 1, np.int64)
+    old[group] = faces.ravel()
+    # the first group of each vertex keeps its number, the others get new ones
+    order = np.argsort(old, kind="stable")
+    first = np.zeros(len(old), bool)
+    first[runs(old[order])[:-1]] = True
+    number = np.empty(len(old), np.int64)
+    number[order[first]] = old[order[first]]
+    number[order[~first]] = len(points) + np.arange((~first).sum())
+    return number[group].reshape(faces.shape), np.r_[np.arange(len(points)), old[order[~first]]]
+
+
+def _sharp_edges(
+    points: np.ndarray, faces: np.ndarray, edges: Edges, clash: np.ndarray, crease: float
+) -> np.ndarray:
+    """Find creases, and the edges that meet in a tip, (E,) bool; true only for edges of two faces."""
+    sharp = np.zeros(len(edges), bool)
+    if crease >= 180.0:
+        return sharp
+    inner = edges.uses == 2
+    normal = face_normals(points, faces, edges)
     bend = bends(normal, edges.faces, edges.uses, clash)
-    clash = clash[inner]
-    sharp = np.zeros(len(inner), bool)
-    if crease < 180.0:
-        sharp = (
-            creases(points, edges.ends, edges.of_side, edges.faces, bend, np.radians(crease))[inner]
-            & ~clash
-        )
-    if crease < 180.0:
-        tip = cone_apices(points, faces, edges.ends, normal, np.cos(np.radians(crease)))
-        tip[edges.ends[inner[sharp | clash]]] = False  # cut as it is
-        sharp |= tip[edges.ends[inner]].any(axis=1)
-    if not (sharp.any() or clash.any() or (edges.uses > 2).any()):
-        return faces, np.arange(count)
-    # corners of two faces belong together at both ends of an edge that is not cut
-    joined = inner[~(sharp | clash)]
+    found = creases(points, edges.ends, edges.of_side, edges.faces, bend, np.radians(crease))
+    sharp = found & ~clash & inner
+    tip = cone_apices(points, faces, edges.ends, normal, np.cos(np.radians(crease)))
+    tip[edges.ends[inner & (sharp | clash)]] = False  # cut as it is
+    return sharp | (inner & tip[edges.ends].any(axis=1))
+
+
+def _joined_corners(faces: np.ndarray, edges: Edges, joined: np.ndarray) -> np.ndarray:
+    """Group the corners (3 F,) of faces that belong together: at both ends of edges `joined` (M,)."""
     links = []
     for side in edges.sides[joined].T:
         after = side - side % 3 + (side + 1) % 3
         forward = faces.ravel()[side] == edges.ends[joined, 0]
         links.append(np.r_[np.where(forward, side, after), np.where(forward, after, side)])
     graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(faces.size, faces.size))
-    groups, group = connected_components(graph, directed=False)
-    old = np.empty(groups, np.int64)
-    old[group] = faces.ravel()
-    # the first group of each vertex keeps its number, the others get new ones
-    order = np.argsort(old, kind="stable")
-    first = np.r_[True, old[order][1:] != old[order][:-1]]
-    number = np.empty(groups, np.int64)
-    number[order[first]] = old[order[first]]
-    number[order[~first]] = count + np.arange((~first).sum())
-    return number[group].reshape(faces.shape), np.r_[np.arange(count), old[order[~first]]]
+    return connected_components(graph, directed=False)[1]
 
 
 def cone_apices(
     points: np.ndarray, faces: np.ndarray, edges: np.ndarray, normal: np.ndarray, cosine: float
 ) -> np.ndarray:
-    """(V,) bool: vertices such as a cone's, that no normal fits: some face turns from theirs by more than the crease
-    angle. Only where edges are long: between long thin faces, normals that run from a tip would bend the outline."""
+    """Find vertices such as a cone's, that no normal fits, (V,) bool.
+
+    Some face turns from theirs by more than the crease angle. Only where edges are long: between long
+    thin faces, normals that run from a tip would bend the outline.
+
+    Parameters
+    ----------
+    points : (V, 3), longest side 1
+    faces : (F, 3) int
+    edges : (E, 2) int, the vertices of each edge
+    normal : (F, 3), of the faces
+    cosine : of the crease angle
+    """
     vectors = points[edges[:, 0]] - points[edges[:, 1]]
     length = np.sqrt(row_dot(vectors, vectors))
     tip = np.zeros(len(points), bool)

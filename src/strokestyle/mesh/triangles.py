@@ -1,4 +1,4 @@
-"""The edges of a triangle mesh, and which faces meet there."""
+"""Triangles as arrays: what a file holds, edges and the faces that meet there, sums over corners."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+
+from ..geometry.curves import runs
 
 
 class Triangles(NamedTuple):
@@ -31,7 +33,7 @@ class LeftToTrimesh(ValueError):
 def bends(
     normals: np.ndarray, faces: np.ndarray, uses: np.ndarray, clash: np.ndarray
 ) -> np.ndarray:
-    """Angle between the two faces at each edge, radians (E,); 0 where there are not two.
+    """Measure the angle between the two faces at each edge, radians (E,); 0 where there are not two.
 
     Parameters
     ----------
@@ -42,7 +44,7 @@ def bends(
     """
     inner = np.flatnonzero(uses == 2)
     f, g = faces[inner].T
-    cosine = np.einsum("ij,ij->i", normals[f], normals[g])
+    cosine = row_dot(normals[f], normals[g])
     cosine[clash[inner]] *= -1.0
     bend = np.zeros(len(uses))
     bend[inner] = np.arccos(np.clip(cosine, -1.0, 1.0))
@@ -54,7 +56,10 @@ TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a me
 
 
 def face_normals(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndarray:
-    """Unit normals (F, 3). Faces lower than THIN have that of the face at their longest side: their own is noise."""
+    """Measure unit normals (F, 3) of faces.
+
+    Faces lower than THIN have that of the face at their longest side: their own is noise.
+    """
     side = side_vectors(points, faces)
     cross = np.cross(side[0], side[1])
     length = np.sqrt(np.stack([row_dot(s, s) for s in side]))
@@ -69,19 +74,20 @@ def face_normals(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndar
 
 
 def clashes(faces: np.ndarray, edges: Edges) -> np.ndarray:
-    """(E,) bool, edges of two faces that both run the same way along it."""
-    forward = faces < np.roll(
-        faces, -1, axis=1
-    )  # side runs from its edge's lower to its higher vertex
+    """Find the edges of two faces that both run the same way along it, (E,) bool."""
+    # does the side run from its edge's lower to its higher vertex?
+    forward = faces < np.roll(faces, -1, axis=1)
     runs = np.bincount(edges.of_side.ravel(), weights=forward.ravel(), minlength=len(edges))
     return (edges.uses == 2) & (runs != 1)
 
 
 def row_dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Multiply vectors (..., n) row by row: dot products (...)."""
     return np.einsum("...i,...i->...", a, b)
 
 
 def unit_rows(v: np.ndarray) -> np.ndarray:
+    """Scale vectors (..., n) to length 1; those of no length stay."""
     return v / np.maximum(np.sqrt(row_dot(v, v)), TINY)[..., None]
 
 
@@ -93,7 +99,7 @@ def scatter_sum(index: np.ndarray, values: np.ndarray, count: int) -> np.ndarray
 
 
 def side_vectors(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
-    """The three sides (F, 3) of each face, side i opposite corner i."""
+    """Take the three sides (F, 3) of each face, side i opposite corner i."""
     p0, p1, p2 = (vertices[faces[:, i]] for i in range(3))
     return [p2 - p1, p0 - p2, p1 - p0]
 
@@ -106,8 +112,10 @@ class Edges:
     ----------
     ends : (E, 2) int64, the vertices of each edge, the lower index first; edges are sorted
     of_side : (F, 3) int64, the edge of each side of each face
-    uses : (E,) int64, how many sides are this edge: 1 on a boundary, 2 inside, more where the mesh is not a manifold
-    sides : (E, 2) int64, the first two of them, side i of face f as 3 f + i; -1 where there is no second
+    uses : (E,) int64, how many sides are this edge: 1 on a boundary, 2 inside, more where the mesh is
+        not a manifold
+    sides : (E, 2) int64, the first two of them, side i of face f as 3 f + i; -1 where there is no
+        second
     """
 
     ends: np.ndarray
@@ -117,30 +125,24 @@ class Edges:
 
     @classmethod
     def of(cls, faces: np.ndarray, count: int) -> Edges:
-        """Of faces (F, 3) over `count` vertices."""
+        """Find the edges of faces (F, 3) over `count` vertices."""
         start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
         key = np.minimum(start, end) * count + np.maximum(start, end)
         order = np.argsort(key)
         ordered = key[order]
-        new = np.r_[True, ordered[1:] != ordered[:-1]]
-        first = np.flatnonzero(new)
-        uses = np.diff(np.r_[first, len(key)])
-        if (
-            uses > 2
-        ).any():  # rare, and the first two of many must be found: equal keys in the order of the faces
+        starts = runs(ordered)
+        first, uses = starts[:-1], np.diff(starts)
+        if (uses > 2).any():
+            # rare, and the first two of many must be found: equal keys in the order of the faces
             order = np.argsort(key, kind="stable")
         one = order[first]
         two = np.where(uses > 1, order[np.minimum(first + 1, len(key) - 1)], -1)
         swap = (two >= 0) & (two < one)
         sides = np.stack([np.where(swap, two, one), np.where(swap, one, two)], axis=1)
         of_side = np.empty(len(key), np.int64)
-        of_side[order] = np.cumsum(new) - 1
-        return cls(
-            np.stack(np.divmod(ordered[first], count), axis=1),
-            of_side.reshape(faces.shape),
-            uses,
-            sides,
-        )
+        of_side[order] = np.repeat(np.arange(len(first)), uses)
+        ends = np.stack(np.divmod(ordered[first], count), axis=1)
+        return cls(ends, of_side.reshape(faces.shape), uses, sides)
 
     def __len__(self) -> int:
         return len(self.ends)
@@ -151,7 +153,7 @@ class Edges:
         return self.sides // 3
 
     def turned(self, turn: np.ndarray) -> Edges:
-        """Of the same faces, with the corners of those in `turn` (F,) in reverse order."""
+        """Give the edges of the same faces, with the corners of those in `turn` (F,) reversed."""
         if not turn.any():
             return self
         face, side = np.divmod(self.sides, 3)
@@ -162,11 +164,11 @@ class Edges:
         )
 
     def at_face(self, flag: np.ndarray) -> np.ndarray:
-        """(F,) bool: faces with an edge of which `flag` (E,) is true."""
+        """Find the faces with an edge of which `flag` (E,) is true, (F,) bool."""
         return any_corner(self.of_side, flag)
 
     def components(self) -> np.ndarray:
-        """(F,) the connected component of each face, through shared edges, numbered by their first faces."""
+        """Number the connected components, through shared edges, by their first faces, (F,) int."""
         count = len(self.of_side)
         pair = self.faces[self.uses == 2]
         if (self.uses > 2).any():
@@ -178,10 +180,13 @@ class Edges:
 
 
 def any_corner(faces: np.ndarray, flag: np.ndarray) -> np.ndarray:
-    """(F,) bool: is `flag` true at any of the three? Ten times faster than to reduce short rows."""
+    """Tell where `flag` is true at any of the three corners, (F,) bool.
+
+    Ten times faster than to reduce short rows.
+    """
     return flag[faces[:, 0]] | flag[faces[:, 1]] | flag[faces[:, 2]]
 
 
 def all_corners(faces: np.ndarray, flag: np.ndarray) -> np.ndarray:
-    """(F,) bool: is `flag` true at all three?"""
+    """Tell where `flag` is true at all three corners, (F,) bool."""
     return flag[faces[:, 0]] & flag[faces[:, 1]] & flag[faces[:, 2]]
