@@ -1,0 +1,73 @@
+"""The SHAPE argument: what its options ask the library for, and which do not go together."""
+
+import click
+import numpy as np
+import pytest
+import trimesh
+
+from strokestyle.cli.shape import Shape
+from strokestyle.extract.camera import fit_camera
+from strokestyle.extract.line_options import LineOptions
+from strokestyle.extract.turntable import fit_turntable_camera
+
+
+@pytest.fixture(scope="module")
+def box(tmp_path_factory):
+    path = tmp_path_factory.mktemp("shape") / "box.ply"
+    trimesh.creation.box((1, 0.4, 0.2)).export(path)
+    return str(path)
+
+
+def eyes(cameras):
+    return np.array([camera.eye for camera in cameras])
+
+
+def test_without_options_it_is_the_default_view(box):
+    shape = Shape(box, {})
+    assert shape.camera().to_dict() == fit_camera(shape.surface.vertices).to_dict()
+    assert shape.line_options() == LineOptions() and shape.spacing() == 3.0
+    views = list(shape.views())
+    assert len(views) == 1 and len(views[0].curves) and not len(views[0].hidden)
+
+
+def test_options_of_view_and_lines_reach_the_library(box):
+    options = {
+        "view": "10,20",
+        "fov": 50.0,
+        "up": "z",
+        "size": (96, 64),
+        "kinds": ("crease", "valley"),
+        "valley": 0.3,
+        "detail": (0.5, 2.0),
+        "spacing": 5.0,
+    }
+    shape = Shape(box, options)
+    asked = fit_camera(shape.surface.vertices, "10,20", 50.0, 96, 64, "z")
+    assert shape.camera().to_dict() == asked.to_dict()
+    lines = LineOptions(kinds=("crease", "valley"), valley=0.3).detailed(0.5, 2.0)
+    assert shape.line_options() == lines and shape.spacing() == 5.0
+
+
+def test_a_turntable_is_the_librarys(box):
+    shape = Shape(box, {"turntable": 3, "size": (64, 64), "kinds": ("crease",)})
+    first = fit_turntable_camera(shape.surface.vertices, width=64, height=64)
+    views = list(shape.views())
+    cameras = [view.camera for view in views]
+    assert np.allclose(eyes(cameras), eyes([first.turned(120.0 * i) for i in range(3)]))
+    assert shape.surface is shape.surface and all(len(view.curves) for view in views)
+
+
+@pytest.mark.parametrize(
+    "path, options, words",
+    [
+        ("box", {"camera": "c.json", "fov": 30.0, "size": (64, 64)}, "leave out --fov, --size"),
+        ("box", {"hidden": True, "curves": "c.svg"}, "--hidden needs a mesh and its own curves"),
+        ("v.npz", {"hidden": True}, "--hidden needs a mesh and its own curves"),
+        ("v.npz", {"kinds": ("crease",), "up": "z"}, "v.npz is a saved view, .*out --lines, --up"),
+        ("v.npz", {"turntable": 3}, "--turntable needs a mesh and its own curves"),
+        ("box", {"turntable": 3, "curves": "c.svg"}, "--turntable needs a mesh and its own curves"),
+    ],
+)
+def test_options_that_do_not_go_together(box, path, options, words):
+    with pytest.raises(click.UsageError, match=words):
+        Shape(box if path == "box" else path, options)
