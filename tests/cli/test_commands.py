@@ -12,6 +12,7 @@ from PIL import Image
 
 from strokestyle import __version__, cli
 from strokestyle.cli import options
+from strokestyle.cli.view import short_names
 from strokestyle.geometry.kinds import SURFACE_KINDS
 
 TETRA = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -96,6 +97,8 @@ def test_option_groups_hand_over_what_the_library_takes():
     assert set(options.line_options.flags) <= {field.name for field in fields(LineOptions)}
     assert set(options.file_options.flags) <= {field.name for field in fields(SvgOptions)}
     assert options.line_options.flags["kinds"] == "--lines"
+    assert options.common_options.flags["quiet"] == "--quiet"
+    assert options.Kinds().convert("all", None, None) == SURFACE_KINDS
     assert options.file_options.given({"page_size": "A4", "tones": None, "seed": 3}) == {
         "page_size": "A4"
     }
@@ -387,3 +390,8 @@ def test_an_input_is_not_overwritten(tmp_path, sphere):
     view = tmp_path / "v.npz"
     assert run("extract", sphere, "-o", view, "--size", "64").exit_code == 0
     refused("extract", view, "-o", view, words=["is the input"])
+
+
+def test_files_of_a_page_go_by_their_names_where_these_differ():
+    assert short_names(["a/x.svg", "b/y.svg", "-"]) == ["x.svg", "y.svg", "drawing.svg"]
+    assert short_names(["a/x.svg", "b/x.svg"]) == ["a/x.svg", "b/x.svg"]

@@ -206,6 +206,13 @@ def test_no_edit_gives_the_same_file_and_options_change_it(drawn, tmp_path):
     assert file.options.page_size == "A4" and "<image" not in out.read_text()
 
 
+def test_powerstrokes_are_flat_whatever_the_texture_was(drawn, tmp_path):
+    save_svg(drawn, small("grain"), texture="vector")
+    result = run(drawn, "-o", tmp_path / "out.svg", "--inkscape-lpe")
+    assert result.exit_code == 0, result.stderr
+    assert read_svg_file(tmp_path / "out.svg").options.texture == "none"
+
+
 def test_a_pipe_of_edits(drawn):
     first = run("-", "-o", "-", "--wiggle", "2,20", input=drawn.read_bytes())
     second = run("-", "-o", "-", "--recolor", "#ff0000", input=first.stdout_bytes)

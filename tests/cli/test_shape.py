@@ -9,6 +9,7 @@ from strokestyle.cli.shape import Shape
 from strokestyle.extract.camera import fit_camera
 from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.turntable import fit_turntable_camera
+from strokestyle.geometry.kinds import KINDS
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +55,8 @@ def test_a_turntable_is_the_librarys(box):
     views = list(shape.views())
     cameras = [view.camera for view in views]
     assert np.allclose(eyes(cameras), eyes([first.turned(120.0 * i) for i in range(3)]))
-    assert shape.surface is shape.surface and all(len(view.curves) for view in views)
+    kinds = {KINDS[kind] for view in views for kind in view.curves.kind}
+    assert kinds == {"crease"} and shape.surface is shape.surface
 
 
 @pytest.mark.parametrize(
