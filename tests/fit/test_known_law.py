@@ -113,3 +113,19 @@ def test_flat_ink_is_the_drawings():
     )  # fmt: skip
     assert style.color[:3] == pytest.approx(ink[:3], abs=0.03)
     assert 0.85 < style.color[3] <= 1.0  # soft edges count as well
+
+
+def unsteady(s, length, xy):
+    """5 px, and a factor of about 1.2 more or less with no memory longer than a few points."""
+    return 5.0 * np.exp(jitter(len(s), 0.2, np.random.default_rng(len(s) + int(100 * xy[0, 0]))))
+
+
+def test_residuals_of_thickness_have_the_spread_of_the_hand_too():
+    config = without_residuals(PRESETS["quick"], steps=60, trace_steps=80)
+    config = replace(config, residuals=1.0)
+    style, _ = fit_quick(DRAWN, Law(thickness=unsteady).exemplar(DRAWN), config)
+    noise = jitter(20000, 0.2, np.random.default_rng(1))
+    fast = noise - ndimage.gaussian_filter1d(noise, RESIDUAL_SIGMAS[1] / 3.0)
+    across, log_width = style.residuals.values.T
+    assert log_width.std() == pytest.approx(fast.std(), rel=0.3)
+    assert across.std() < 0.12

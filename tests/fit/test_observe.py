@@ -59,6 +59,13 @@ def test_without_ink_in_reach_nothing_is_known():
     assert measured(band(60 + 20, 4.0), planned(level(60)), reach=24.0).confidence.all()
 
 
+def test_ink_whose_middle_is_out_of_reach_or_whose_end_is_not_seen_is_not_believed():
+    assert not measured(band(60 + 19, 8.0), planned(level(60))).confidence.any()
+    y = np.arange(HEIGHT)[:, None] + 0.5
+    for ink in (y > 55, y < 65):  # to one side it goes on farther than is looked
+        assert not measured(ink * np.ones(WIDTH), planned(level(60))).confidence.any()
+
+
 def test_the_nearest_of_several_lines_is_measured():
     mask = band(66, 6.0, band(51, 3.0))
     seen = measured(mask, planned(level(60)))
