@@ -1,10 +1,12 @@
-"""What learning and drawing cost, against what they may cost. Prints tables `what | target | measured`.
+"""What learning and drawing cost, against what they may cost.
 
-    python benchmarks/fit.py [SHARED] [--sections fit render paper] [--drawings charcoal ...] [--presets quick standard]
+    python benchmarks/fit.py [SHARED] [--sections fit render paper]
+                             [--drawings charcoal ...] [--presets quick standard]
 
-Drawings and shapes are the project's own. With SHARED (or STROKESTYLE_SHARED), a folder of meshes/*.obj, `render` draws
-those of 15,000 to 25,000 faces. Seconds are wall time; on a machine that does other work as well, CPU time (in
-brackets, user and system, of all threads) is the fairer figure. Each measurement has a process of its own.
+Prints tables `what | target | measured`. Drawings and shapes are the project's own. With SHARED (or
+STROKESTYLE_SHARED), a folder of meshes/*.obj, `render` draws those of 15,000 to 25,000 faces.
+Seconds are wall time; on a machine that does other work as well, CPU time (in brackets, user and
+system, of all threads) is the fairer figure. Each measurement has a process of its own.
 """
 
 import argparse
@@ -44,7 +46,7 @@ def child(*words):
     return json.loads(done.stdout)
 
 
-# ------------------------------------------------------------------------------------------------------------- fit
+# ---------------------------------------------------------------------------------------------- fit
 
 
 def fit_stages(drawing, preset):
@@ -99,7 +101,7 @@ def fits(drawings, presets, folder):
             )
 
 
-# ---------------------------------------------------------------------------------------------------------- render
+# ------------------------------------------------------------------------------------------- render
 
 STAGES = ("import", "load the model", "read the mesh", "curves", "maps", "draw", "write")
 
@@ -154,7 +156,8 @@ def renders(meshes, folder, drawing):
             "fit", EXAMPLES / "drawings" / f"{drawing}.png", SHAPE, "-o", model, "--preset", "quick"
         )
     head(
-        f"render in the hand of {drawing}, textured, 768 x 768 px: the first mesh of a process, and a further one"
+        f"render in the style of {drawing}, textured, 768 x 768 px: "
+        "the first mesh of a process, and a further one"
     )
     alone = [measure("render", model, mesh, "-o", folder / "x.svg")[:2] for mesh in meshes]
     for mesh, (wall, cpu) in zip(meshes, alone, strict=True):
@@ -189,11 +192,14 @@ def meshes_of(shared):
     return found or sorted((EXAMPLES / "shapes").glob("*.ply"))
 
 
-# ----------------------------------------------------------------------------------------------------------- paper
+# -------------------------------------------------------------------------------------------- paper
 
 
 def paper_steps(size):
-    """Seconds a step of both modules of the paper on patches of one size; the first step, which warms up, left out."""
+    """Seconds a step of both stages of the paper on patches of one size.
+
+    The first step, which warms up, is left out.
+    """
     from strokestyle.fit import progress as fit_progress
     from strokestyle.fit import train as fitting
     from strokestyle.fit.exemplar import load_exemplar
@@ -203,8 +209,8 @@ def paper_steps(size):
     drawing = EXAMPLES / "drawings" / "charcoal.png"
     exemplar, _ = load_exemplar(drawing, view.camera.width, view.camera.height, view.curves.xy)
     config = replace(
-        fitting.PRESETS["paper"], patches=(int(size),), geometry_steps=4, geometry_decay=1, texture_steps=2,
-        texture_decay=1,
+        fitting.PRESETS["paper"], patches=(int(size),), geometry_steps=4,
+        geometry_decay=1, texture_steps=2, texture_decay=1,
     )  # fmt: skip
     fitting.fit_style(
         view,
@@ -222,7 +228,8 @@ def paper():
 
     config = NeuralStrokesConfig()
     head(
-        f"fit --preset paper, 768 x 768 px, batches of {config.batch} patches, on this machine's CPU"
+        f"fit --preset paper, 768 x 768 px, batches of {config.batch} patches, "
+        "on this machine's CPU"
     )
     each = {size: child("paper_steps", size) for size in config.patches}
     for stage, steps in (("geometry", config.geometry_steps), ("texture", config.texture_steps)):

@@ -25,7 +25,7 @@ PATIENCE = 300  # s; tests that hang are tests that fail
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change: in `file`, below src/strokestyle, the text `old` becomes `new`; `tests` should notice."""
+    """One change: in `file` below src/strokestyle `old` becomes `new`; `tests` should notice."""
 
     group: str
     file: str
@@ -37,8 +37,8 @@ class Mutant:
 def mutants(text: str) -> list[Mutant]:
     """Read a list of mutants.
 
-    `[group] test files` begins a group, `= file` names the file of the lines below it, and `old -> new` is a mutant.
-    Blank lines and those that begin with # say nothing.
+    `[group] test files` begins a group, `= file` names the file of the lines below it, and
+    `old  ->  new` is a mutant. Blank lines and those that begin with # say nothing.
     """
     group = file = ""
     tests: tuple[str, ...] = ()
@@ -62,7 +62,10 @@ def mutants(text: str) -> list[Mutant]:
 
 
 def broken(mutant: Mutant, source: Path) -> None:
-    """Apply a mutant to a copy of src. Raises ValueError where its text is not there exactly once."""
+    """Apply a mutant to a copy of src.
+
+    Raises ValueError where its text is not there exactly once.
+    """
     path = source / "strokestyle" / mutant.file
     text = path.read_text()
     if text.count(mutant.old) != 1:

@@ -142,7 +142,7 @@ def deeper_is_wider(s, length, xy):
 
 
 def planned(*lines, past=0):
-    """Strokes along polylines of points 3 px apart, the first and last `past` of which overshoot."""
+    """Strokes along polylines in steps of 3 px, whose first and last `past` points overshoot."""
     offsets = np.r_[0, np.cumsum([len(line) for line in lines])]
     beyond = np.zeros(offsets[-1])
     for a, b in zip(offsets[:-1], offsets[1:], strict=True):
@@ -247,7 +247,7 @@ def evenly_with(strokes, i):
 
 
 def overshoots(drawn, view):
-    """px that strokes run past both ends of the curves drawn, until they are half as wide: (C, 2)."""
+    """px that strokes run past both ends of their curves, until they are half as wide: (C, 2)."""
     planned, out = plan(view, StyleConfig(size=SIZE)), []
     middles = np.array([drawn.xy[a:b].mean(axis=0) for a, b in spans(drawn.offsets)])
     for a, b in spans(planned.offsets):

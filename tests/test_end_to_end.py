@@ -1,4 +1,4 @@
-"""The whole walk through the command line: a drawing and a mesh in, another mesh drawn in that hand."""
+"""The whole walk through the command line: a drawing and a mesh in, another mesh drawn so."""
 
 import io
 import pickle
@@ -35,7 +35,7 @@ def draw_over(view, width, color, paper=(255, 255, 255)):
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory):
-    """Two meshes, the view of one, a drawing over it in dark red 6 px wide, and the style learned from that."""
+    """Two meshes, the view of one, a drawing over it, dark red and 6 px wide, and its style."""
     folder = tmp_path_factory.mktemp("studio")
     trimesh.creation.torus(1.0, 0.4, 96, 48).export(folder / "torus.obj")
     trimesh.creation.icosphere(subdivisions=4).export(folder / "ball.ply")
@@ -279,7 +279,7 @@ def test_an_empty_view_is_an_empty_drawing(studio, tmp_path):
     assert strokes_of(tmp_path / "x.svg") == []
 
 
-# ------------------------------------------------------------------------------------------------- what is refused
+# ---------------------------------------------------------------------------------- what is refused
 
 
 @pytest.mark.parametrize(

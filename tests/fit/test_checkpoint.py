@@ -89,7 +89,10 @@ def test_a_fit_with_a_checkpoint_is_one_without(tmp_path):
 
 
 def test_a_kill_leaves_the_last_checkpoint_in_time(tmp_path):
-    """Any other exception than Ctrl-C may come in the middle of a step: what counts is what was written before."""
+    """Any other exception than Ctrl-C may come in the middle of a step.
+
+    What counts is what was written before.
+    """
 
     def fail(event):
         if (event.stage, event.step) == ("trace", 5):
@@ -255,7 +258,7 @@ def test_the_papers_schedule_shrinks_with_the_budget_and_never_grows(tmp_path, m
 
 
 def test_the_command_says_how_to_go_on_and_does(tmp_path, monkeypatch):
-    """Ctrl-C: one line and 130; then --resume ends with the same file, and the checkpoint is gone."""
+    """Ctrl-C: one line and 130; --resume ends with the same file, and the checkpoint is gone."""
     monkeypatch.setitem(fit_module.PRESETS, "quick", QUICK)
     monkeypatch.chdir(tmp_path)
     from PIL import Image

@@ -1,4 +1,4 @@
-"""Reading an artist's drawing: every kind of file and paper gives the ink back; what is no drawing is refused."""
+"""Reading a drawing: every kind of file and paper gives the ink back; all else is refused."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ SIZE = 256
 
 
 def ring(width=6.0, radius=80.0, centre=(128.0, 128.0), shape=(SIZE, SIZE)):
-    """Anti-aliased coverage (H, W) of a circle drawn with a round pen, and points (n, 2) on its centre line."""
+    """Coverage (H, W) of a circle drawn with a round pen, and points (n, 2) on its centre line."""
     y, x = np.mgrid[: shape[0], : shape[1]] + 0.5
     distance = np.abs(np.hypot(x - centre[0], y - centre[1]) - radius)
     angle = np.linspace(0, 2 * np.pi, 200)

@@ -108,9 +108,11 @@ def test_half_the_residuals_are_half_as_large_and_none_are_none():
 def test_flat_ink_is_the_drawings():
     ink = (0.6, 0.2, 0.1, 1.0)
     style = fit_style(
-        DRAWN, exemplar_of(Law().strokes(DRAWN), ink), without_residuals(SETTINGS, steps=10, trace_steps=20),
+        DRAWN,
+        exemplar_of(Law().strokes(DRAWN), ink),
+        without_residuals(SETTINGS, steps=10, trace_steps=20),
         device="cpu",
-    )  # fmt: skip
+    )
     assert style.color[:3] == pytest.approx(ink[:3], abs=0.03)
     assert 0.85 < style.color[3] <= 1.0  # soft edges count as well
 

@@ -127,7 +127,7 @@ def test_a_law_of_one_feature_is_learned_and_only_that_feature_used():
 
 
 def test_the_group_lasso_leaves_out_what_does_not_pay():
-    """Noise is explained by every feature where nothing is asked for it, and by none where it is."""
+    """Noise is explained by every feature where that costs nothing, and by none where it does."""
     rng = np.random.default_rng(4)
     noisy = law(FEATURES) * np.exp(rng.normal(0, 0.3, COUNT))
     used = {}

@@ -1,4 +1,4 @@
-"""A drawing moved by a known similarity is brought back; one that lies right, or whose hand is its own, is not."""
+"""A drawing moved by a known similarity is brought back; one that lies right is not moved."""
 
 import numpy as np
 import pytest
@@ -67,7 +67,7 @@ def test_a_drawing_that_lies_right_is_left_alone(thickness, wobble):
 
 
 def test_a_hand_that_draws_larger_keeps_its_habit():
-    """An outline drawn 2 px too large is a habit; where the sheet was moved as well, it is only moved back."""
+    """An outline drawn 2 px too large is a habit; a sheet moved as well is only moved back."""
     angle = np.linspace(0, 2 * np.pi, 200)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     radii = {110: 112, 80: 80, 40: 40}
@@ -114,7 +114,7 @@ def test_a_similarity_and_its_way_back():
 
 
 def test_a_photographed_drawing_is_read_as_the_one_it_is(tmp_path):
-    """Warm light and a shadow, grainy paper, ink of 60 % opacity, moved: ink, opacity and place come back."""
+    """Warm light, a shadow, grainy paper, ink of 60 % opacity, moved: all of it comes back."""
     from PIL import Image
 
     rng, moved = np.random.default_rng(2), MOVES["all"]
@@ -128,7 +128,8 @@ def test_a_photographed_drawing_is_read_as_the_one_it_is(tmp_path):
     right = drawn()[..., 3]
     assert np.abs(found.mask - right).mean() < 0.02
     assert np.abs(found.rgb[right == 0] - 1).mean() < 0.01
-    # the strongest ink is opaque; what of the paper shines through it everywhere is its colour, and white
+    # the strongest ink is opaque; what of the paper shines through it everywhere is its colour,
+    # and white
     assert np.median(found.alpha[right > 0.99]) > 0.9
     seen = 0.6 * np.array([0.2, 0.1, 0.3]) + 0.4
     assert np.abs(np.median(found.rgb[right > 0.99], axis=0) - seen).max() < 0.04

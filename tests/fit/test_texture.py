@@ -202,7 +202,7 @@ STROKES, LENGTH = 20, 40
 
 
 def regression(noise, law, seed=0, strokes=STROKES):
-    """Design of one feature, which each stroke has one of, and ink that follows it in `law` (4,)."""
+    """Design of one feature, constant on each stroke, and ink that follows it by `law` (4,)."""
     rng = np.random.default_rng(seed)
     count = strokes * LENGTH * ROWS
     stroke = np.repeat(np.arange(strokes), LENGTH * ROWS)
