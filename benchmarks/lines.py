@@ -33,7 +33,7 @@ from strokestyle.extract import segments as lines
 from strokestyle.extract.camera import fit_camera
 from strokestyle.extract.feature_maps import feature_maps
 from strokestyle.extract.line_options import LineOptions
-from strokestyle.extract.lines import feature_curves
+from strokestyle.extract.lines import SurfaceLines, feature_curves
 from strokestyle.extract.pipeline import extract_view
 from strokestyle.extract.rays import Bvh
 from strokestyle.extract.view_curvature import ViewFields
@@ -349,14 +349,12 @@ def doubled(curves: Curves, near: float = 1.5, over: float = 10.0, angle: float 
 def strokes(shared: Path | None, details: bool = False) -> None:
     contours, everything = np.zeros(4), np.zeros(4)
     for path, view, surface, camera in drawings(shared):
-        scene = Bvh(surface)
-        length = extract_view(
-            surface, camera, LineOptions(kinds=("contour",)), scene=scene
-        ).curves.lengths()
+        contour = extract_view(surface, camera, LineOptions(kinds=("contour",)))
+        length = contour.curves.lengths()
         contours += np.array(
             [(length < 5).sum(), len(length), length[length > 50].sum(), length.sum()]
         )
-        curves = extract_view(surface, camera, scene=scene).curves
+        curves = extract_view(surface, camera).curves
         length = curves.lengths()
         single = np.array([(length < 8).sum(), len(length), doubled(curves), length.sum()])
         everything += single
@@ -405,19 +403,17 @@ def measure(path: str) -> None:
     out["of it geometry"] = clock() - start
     options = LineOptions(kinds=SURFACE_KINDS)
     start = clock()
-    scene = Bvh(surface)
-    view = extract_view(
-        surface, fit_camera(surface.vertices, "three-quarter"), options, scene=scene
-    )
+    lines = SurfaceLines(surface, options)
+    view = extract_view(surface, fit_camera(surface.vertices, "three-quarter"), lines=lines)
     out["first view"] = clock() - start
     further = []
     for turn in ("10,20", "35,10", "80,5"):
         camera = fit_camera(surface.vertices, turn)
         start = clock()
-        extract_view(surface, camera, options, scene=scene)
+        extract_view(surface, camera, lines=lines)
         further.append(clock() - start)
     start = clock()
-    feature_maps(surface, camera, view.curves, scene)
+    feature_maps(surface, camera, view.curves, lines.bvh)
     out["maps"] = clock() - start
     out["further view"] = float(np.median(further)) - out["maps"]
     out["first view"] -= out["maps"]

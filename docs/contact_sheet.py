@@ -11,8 +11,8 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 
 from strokestyle.extract.camera import DEFAULT_SIZE, fit_camera
+from strokestyle.extract.lines import SurfaceLines
 from strokestyle.extract.pipeline import extract_view
-from strokestyle.extract.rays import Bvh
 from strokestyle.geometry.curves import Curves
 from strokestyle.mesh.surface import load_surface
 
@@ -53,10 +53,10 @@ def sheet(paths: list[Path], columns: int) -> Image.Image:
     for i, path in enumerate(paths):
         left, top = i % columns * CELL, i // columns * (len(VIEWS) * CELL + TITLE)
         surface = load_surface(path)
-        scene = Bvh(surface)
+        lines = SurfaceLines(surface)
         draw.text((left + 10, top + 6), f"{path.stem}, {len(surface.faces):,} faces", 90, font)
         for k, view in enumerate(FACING.get(path.stem, VIEWS)):
-            curves = extract_view(surface, fit_camera(surface.vertices, view), scene=scene).curves
+            curves = extract_view(surface, fit_camera(surface.vertices, view), lines=lines).curves
             out.paste(drawing(curves), (left, top + TITLE + k * CELL))
             print(f"{path.stem} {view}: {len(curves)} strokes")
     return out

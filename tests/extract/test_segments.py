@@ -674,7 +674,7 @@ def test_soft_lines_are_weak_between_slivers():
         curves = feature_curves(surface, camera((0, 0, 3)), only("ridge", ridge=0.01))
         strength.append(curves.strength.max(initial=0.0))
     assert strength[0] > 0.5 and strength[1] == 0.0
-    assert (line_choice._trust(make_surface(*shapes.sphere(3))) == 1.0).all()
+    assert (line_choice.trust_in_shape(make_surface(*shapes.sphere(3))) == 1.0).all()
 
 
 def test_a_range_of_detail_follows_the_lines_of_its_low_end():

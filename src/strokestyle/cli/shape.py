@@ -15,7 +15,6 @@ from .options import curve_options, line_options, view_options
 if TYPE_CHECKING:
     from ..extract.camera import Camera
     from ..extract.line_options import LineOptions
-    from ..extract.rays import Bvh
     from ..extract.view import View
     from ..mesh.surface import Surface
 
@@ -75,13 +74,6 @@ class Shape:
         with timed("read the mesh"):
             return load_surface(self.path)
 
-    @functools.cached_property
-    def bvh(self) -> Bvh:
-        """What finds the faces of the mesh that rays hit."""
-        from ..extract.rays import Bvh
-
-        return Bvh(self.surface)
-
     def camera(self) -> Camera:
         """The camera that the options ask for; with --turntable it sees the shape all round."""
         from ..extract.camera import DEFAULT_FOV, DEFAULT_SIZE, Camera, fit_camera
@@ -110,12 +102,9 @@ class Shape:
             return load_view(self.path)
         if self.options.get("curves"):
             return self._view_of_curves()
-        surface, camera, bvh = self.surface, self.camera(), self.bvh
+        surface, camera, hidden = self.surface, self.camera(), self.options.get("hidden", False)
         with timed("curves and feature maps"):
-            hidden = self.options.get("hidden", False)
-            return extract_view(
-                surface, camera, self.line_options(), self.spacing(), scene=bvh, hidden=hidden
-            )
+            return extract_view(surface, camera, self.line_options(), self.spacing(), hidden)
 
     def _view_of_curves(self) -> View:
         """The mesh seen behind the curves of another program."""
@@ -125,7 +114,7 @@ class Shape:
         camera = self.camera()
         curves = load_curves(self.options["curves"], (camera.width, camera.height))
         with timed("feature maps"):
-            return view_of_curves(self.surface, camera, curves, self.spacing(), scene=self.bvh)
+            return view_of_curves(self.surface, camera, curves, self.spacing())
 
     def views(self) -> Iterator[View]:
         """The view; or with --turntable N views, once round the upright axis."""
@@ -135,9 +124,7 @@ class Shape:
         if not count:
             yield self.view()
             return
-        views = turntable(
-            self.surface, self.camera(), count, self.line_options(), self.spacing(), bvh=self.bvh
-        )
+        views = turntable(self.surface, self.camera(), count, self.line_options(), self.spacing())
         for _ in range(count):
             with timed("curves and feature maps"):
                 view = next(views)

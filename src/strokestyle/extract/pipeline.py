@@ -23,7 +23,7 @@ from ..mesh.surface import Surface
 from .camera import Camera
 from .feature_maps import NEURAL_STROKES_MAPS, NORMAL_MAPS, FeatureMaps, feature_maps, plain_raster
 from .line_options import LineOptions
-from .lines import feature_curves
+from .lines import SurfaceLines, feature_curves
 from .rays import Bvh
 from .tidy import subtract_parallel, tidy
 from .view import View
@@ -44,32 +44,53 @@ def extract_view(
     camera: Camera,
     options: LineOptions | None = None,
     spacing: float = DEFAULT_SPACING,
-    scene: Bvh | None = None,
     hidden: bool = False,
+    lines: SurfaceLines | None = None,
 ) -> View:
     """Draw a surface plainly: feature curves, hidden parts cut away, tidied, evenly spaced; and the feature maps.
 
-    `scene` is the surface's own; give it to draw several views without building it again. `hidden` asks for the hidden
-    parts too, of the kinds in HARD_KINDS: those describe the shape, the others only how its front looks.
+    Parameters
+    ----------
+    options : which lines
+    spacing : px between the points of the curves
+    hidden : also the hidden parts, of the kinds in HARD_KINDS: those describe the shape, the others
+        only how its front looks
+    lines : the lines of this surface and these options, where several views are drawn of them
+
+    Raises
+    ------
+    ValueError
+        where `lines` are those of another surface, or other lines than `options` ask for.
     """
-    options, size = options or LineOptions(), (camera.width, camera.height)
-    scene = scene or Bvh(surface)
-    lines = feature_curves(surface, camera, options)
-    sight = look_along(surface, camera, lines, scene)
-    fragments, strength, face = sight.fragments(lines, sight.seen)
+    lines = _lines_of(surface, options, lines)
+    size = (camera.width, camera.height)
+    found = lines.seen_from(camera)
+    sight = look_along(surface, camera, found, lines.bvh)
+    fragments, strength, face = sight.fragments(found, sight.seen)
     strokes = tidy(fragments, strength, size)
     curves = resample_curves(strokes, spacing)
     faces, behind, hidden_faces = _faces_at(surface, curves, fragments, face), Curves.empty(), None
     if hidden:
-        kinds = tuple(kind for kind in options.kinds if kind in HARD_KINDS)
-        every = feature_curves(surface, camera, replace(options, kinds=kinds, trim=False))
-        sight = look_along(surface, camera, every, scene)
+        kinds = tuple(kind for kind in lines.options.kinds if kind in HARD_KINDS)
+        every = feature_curves(surface, camera, replace(lines.options, kinds=kinds, trim=False))
+        sight = look_along(surface, camera, every, lines.bvh)
         whole, _, face = sight.fragments(every, sight.hidden)
         fragments = subtract_parallel(whole, strokes, size)
         behind = resample_curves(tidy(fragments, np.ones(len(fragments.xy)), size), spacing)
         hidden_faces = _faces_at(surface, behind, whole, face)
-    view = View(camera, curves, feature_maps(surface, camera, curves, scene), behind)
+    view = View(camera, curves, feature_maps(surface, camera, curves, lines.bvh), behind)
     return _with_parts(view, surface, faces, hidden_faces)
+
+
+def _lines_of(
+    surface: Surface, options: LineOptions | None, lines: SurfaceLines | None
+) -> SurfaceLines:
+    """The lines given, where they are those that are asked for; else new ones."""
+    if lines is None:
+        return SurfaceLines(surface, options or LineOptions())
+    if lines.surface is not surface or options not in (None, lines.options):
+        raise ValueError("lines must be SurfaceLines of the same surface and options")
+    return lines
 
 
 def view_of_curves(
@@ -77,15 +98,16 @@ def view_of_curves(
     camera: Camera,
     curves: Curves,
     spacing: float = DEFAULT_SPACING,
-    scene: Bvh | None = None,
+    bvh: Bvh | None = None,
 ) -> View:
-    """A view with curves from elsewhere, clipped to the canvas and evenly spaced; the surface gives maps and parts."""
-    curves, scene = (
-        resample_curves(clip(curves, camera.width, camera.height), spacing),
-        scene or Bvh(surface),
-    )
-    view = View(camera, curves, feature_maps(surface, camera, curves, scene))
-    return _with_parts(view, surface, _faces_in_front(surface, camera, curves.xy, scene))
+    """See a surface behind curves from elsewhere, clipped to the canvas and evenly spaced.
+
+    The surface gives maps and parts. `bvh` is its own, where several views are drawn.
+    """
+    curves = resample_curves(clip(curves, camera.width, camera.height), spacing)
+    bvh = bvh or Bvh(surface)
+    view = View(camera, curves, feature_maps(surface, camera, curves, bvh))
+    return _with_parts(view, surface, _faces_in_front(surface, camera, curves.xy, bvh))
 
 
 def view_of_lines(

@@ -8,14 +8,13 @@ crosses zero; they are then chained across faces into the longest polylines. Con
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from ..geometry.curves import KINDS
 from ..mesh.creases import creases
 from ..mesh.surface import Surface
-from ..mesh.triangles import all_corners, any_corner, bends
+from ..mesh.triangles import all_corners, any_corner, bends, row_dot
 from .intersections import crossings
 from .line_options import LineOptions
 from .surface_curves import interpolate_on_faces
@@ -206,7 +205,7 @@ def _convex(surface: Surface, edge: np.ndarray) -> np.ndarray:
     (face, corner), (other, other_corner) = surface.edge_corners(edge)
     apex = surface.faces[other, 3 - other_corner.sum(axis=1)]
     rise = surface.vertices[apex] - surface.vertices[surface.faces[face, corner[:, 0]]]
-    return rowdot(rise, surface.face_normals[face]) <= 0.0
+    return row_dot(rise, surface.face_normals[face]) <= 0.0
 
 
 def _along_cut(surface: Surface, view: ViewFields, edge: np.ndarray, kind: str, side: int):
@@ -335,16 +334,16 @@ def _sharpness(surface: Surface, slope: np.ndarray, face: np.ndarray) -> np.ndar
     wanted[surface.faces[face]] = True
     corner = surface.faces[any_corner(surface.faces, wanted)]
     direction = surface.pdir1[corner]
-    sign = np.where(rowdot(direction, direction[:, :1]) < 0.0, -1.0, 1.0)
+    sign = np.where(row_dot(direction, direction[:, :1]) < 0.0, -1.0, 1.0)
     rise = sign * slope[corner]
     along = (sign[:, :, None] * direction).mean(axis=1)
     point = surface.vertices[corner]
     a, b = point[:, 1] - point[:, 0], point[:, 2] - point[:, 0]
     normal = np.cross(a, b)
-    square = np.maximum(rowdot(normal, normal), 1e-30)
+    square = np.maximum(row_dot(normal, normal), 1e-30)
     gradient = (rise[:, 1] - rise[:, 0])[:, None] * np.cross(b, normal)
     gradient += (rise[:, 2] - rise[:, 0])[:, None] * np.cross(normal, a)
-    bend = rowdot(gradient, along) / square / np.maximum(np.sqrt(rowdot(along, along)), 1e-12)
+    bend = row_dot(gradient, along) / square / np.maximum(np.sqrt(row_dot(along, along)), 1e-12)
     count = np.bincount(corner.ravel(), minlength=len(wanted))
     mean = np.bincount(
         corner.ravel(), weights=np.repeat(bend, 3), minlength=len(wanted)
@@ -363,9 +362,9 @@ def _extremal_lines(surface, slope, direction, value, limit, kind, among) -> Seg
     uphill = slope[:, None] * direction
     arrow, point = uphill[surface.faces[among]], surface.vertices[surface.faces[among]]  # (A, 3, 3)
     arrow_next, along = arrow[:, NEXT_CORNER], point[:, NEXT_CORNER] - point
-    crossed = rowdot(arrow, arrow_next) <= 0.0  # (A, 3): side i runs from corner i to i + 1
+    crossed = row_dot(arrow, arrow_next) <= 0.0  # (A, 3): side i runs from corner i to i + 1
     if kind != "apparent":
-        crossed &= (rowdot(arrow, along) >= 0.0) | (rowdot(arrow_next, along) <= 0.0)
+        crossed &= (row_dot(arrow, along) >= 0.0) | (row_dot(arrow_next, along) <= 0.0)
     sides = crossed.sum(axis=1)
     two, three = np.flatnonzero(sides == 2), np.flatnonzero(sides == 3)
 
@@ -412,19 +411,18 @@ def _leads(point, arrow, start, end) -> np.ndarray:
     across = np.cross(np.cross(point[:, 1] - point[:, 0], point[:, 2] - point[:, 0]), end - start)[
         :, None
     ]
-    return rowdot(arrow, across) * np.sign(rowdot(point - start[:, None], across)) < 0.0
+    return row_dot(arrow, across) * np.sign(row_dot(point - start[:, None], across)) < 0.0
 
 
-def rowdot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("...i,...i->...", a, b)
-
-
-def crease_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
-    """Mesh edges at which two faces meet at more than the crease angle, or more than two faces meet.
+def crease_segments(
+    surface: Surface, view: ViewFields, options: LineOptions, edge: np.ndarray | None = None
+) -> Segments:
+    """Find creases: mesh edges at which faces meet at more than the crease angle, or more than two do.
 
     Where contours are drawn too, less what is part of one, and what faces away on a closed surface.
+    `edge` : the surface's `crease_edges`, where they are known.
     """
-    edge = crease_edges(surface, options.crease)
+    edge = crease_edges(surface, options.crease) if edge is None else edge
     if "contour" not in options.kinds:
         return edge_segments(surface, edge, "crease")
     cut = np.isin(edge, surface.cut_edges, assume_unique=True)
@@ -438,7 +436,6 @@ def crease_segments(surface: Surface, view: ViewFields, options: LineOptions) ->
     )
 
 
-@lru_cache(maxsize=4)
 def crease_edges(surface: Surface, angle: float) -> np.ndarray:
     """Indices of the edges that are creases of more than `angle` degrees, or at which more than two faces meet."""
     count, pair = surface.edge_face_count, surface.edge_faces
@@ -481,7 +478,8 @@ def intersection_segments(surface: Surface, options: LineOptions) -> Segments:
     ]
     across = np.cross(*normals)
     sine = np.sqrt(
-        rowdot(across, across) / np.maximum(np.prod([rowdot(n, n) for n in normals], axis=0), 1e-30)
+        row_dot(across, across)
+        / np.maximum(np.prod([row_dot(n, n) for n in normals], axis=0), 1e-30)
     )
     segments = Segments(
         KINDS.index("intersection"), found.face[:, 0], bary[0], found.node, np.ones((len(found), 2))
@@ -497,7 +495,7 @@ def _barycentric(corner: np.ndarray, points: np.ndarray) -> np.ndarray:
         [np.cross(b, normal), np.cross(normal, a)], axis=1
     )  # each at right angles to the other side
     rel = points - corner[:, :1]
-    weight = np.einsum("sek,sik->sei", rel, across) / rowdot(normal, normal)[:, None, None]
+    weight = np.einsum("sek,sik->sei", rel, across) / row_dot(normal, normal)[:, None, None]
     bary = np.clip(
         np.concatenate([1.0 - weight.sum(axis=2, keepdims=True), weight], axis=2), 0.0, 1.0
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.curves import KINDS, check_offsets, take_ragged
+from ..geometry.curves import KINDS, check_offsets, owner, runs, take_ragged
 from ..mesh.surface import Surface
 
 
@@ -92,6 +92,21 @@ class SurfaceCurves:
             self.kind[index],
             self.closed[index],
             self.strength[rows],
+        )
+
+    def where(self, keep: np.ndarray) -> SurfaceCurves:
+        """The stretches of two or more kept points, `keep` (N,) bool; a closed curve opens where cut."""
+        if keep.all():
+            return self
+        line = owner(self.offsets)
+        start = runs(keep, line)
+        count = np.diff(start)
+        good = np.flatnonzero(keep[start[:-1]] & (count >= 2))
+        rows, offsets = take_ragged(start, good)
+        of = line[start[good]]
+        closed = self.closed[of] & (count[good] == np.diff(self.offsets)[of])
+        return SurfaceCurves(
+            self.face[rows], self.bary[rows], offsets, self.kind[of], closed, self.strength[rows]
         )
 
     def points(self, surface: Surface) -> np.ndarray:

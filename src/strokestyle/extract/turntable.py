@@ -10,8 +10,8 @@ from ..geometry.curves import DEFAULT_SPACING
 from ..mesh.surface import Surface
 from .camera import DEFAULT_FOV, DEFAULT_SIZE, Camera, fit_camera, swept
 from .line_options import LineOptions
+from .lines import SurfaceLines
 from .pipeline import extract_view
-from .rays import Bvh
 from .view import View
 
 
@@ -37,7 +37,7 @@ def turntable(
     count: int,
     options: LineOptions | None = None,
     spacing: float = DEFAULT_SPACING,
-    bvh: Bvh | None = None,
+    lines: SurfaceLines | None = None,
 ) -> Iterator[View]:
     """Extract `count` views while the camera goes once round the surface, one at a time.
 
@@ -50,14 +50,14 @@ def turntable(
     camera : for pictures of one size, that of `fit_turntable_camera`
     options : which lines; those of `extract_view`
     spacing : px between the points of the curves
-    bvh : the surface's own, where there is one
+    lines : the lines of this surface and these options, where there are some already
 
     Raises ValueError where `count` is less than 1.
     """
     if count < 1:
         raise ValueError(f"a turntable has 1 picture or more, got {count}")
-    bvh = bvh or Bvh(surface)
+    lines = lines or SurfaceLines(surface, options or LineOptions())
     return (
-        extract_view(surface, camera.turned(360.0 * i / count), options, spacing, bvh)
+        extract_view(surface, camera.turned(360.0 * i / count), options, spacing, lines=lines)
         for i in range(count)
     )
