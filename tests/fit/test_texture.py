@@ -140,6 +140,26 @@ def test_texels_that_another_stroke_may_hide_are_not_free():
     assert crossed.any() and not middle[crossed].any() and level[away].all()
 
 
+def test_in_the_margin_another_stroke_must_be_farther_away():
+    """5 px lie between two strokes; a margin of 4 px ends 1 px from the other one."""
+    two = strokes_of([[20, 40], [180, 40]], [[20, 53], [180, 53]])
+    rows = stroke_rows(two, features_of(two), 4.0)
+    near = nearest_strokes(two, (WIDTH, HEIGHT))
+    _, free = cut_strips(two, rows, exemplar_of(np.where(near.distance < 0, 1.0, 0.0)), near, 4.0)
+    middle = free[: rows.offsets[1]][rows.offsets[1] // 2]
+    assert middle[0] and middle[len(middle) // 2] and not middle[-1]
+
+
+def test_samples_are_ink_though_splines_overshoot():
+    one = strokes_of([[20, 50], [180, 50]])
+    rows = stroke_rows(one, features_of(one), 2.0)
+    y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    ink = np.dstack([y < 50, y > 50, 0 * x])  # red and green meet sharply
+    near = nearest_strokes(one, (WIDTH, HEIGHT))
+    strips, _ = cut_strips(one, rows, exemplar_of(np.full((HEIGHT, WIDTH), 0.7), ink), near, 2.0)
+    assert strips.min() >= 0 and (strips[..., :3] <= strips[..., 3:]).all()
+
+
 def rows_of(n, start=40.0, end=40.0, width=8.0):
     ends = np.stack([np.full(n, start), np.full(n, end)], axis=1)
     return Rows(
@@ -218,6 +238,8 @@ def test_where_ink_follows_the_features_the_regression_does():
     assert weights[0] == pytest.approx(0.5, abs=0.02)
     assert weights[1] == pytest.approx(law, abs=0.02)
     assert np.abs(weights[2]).max() < 0.02 and noise.max() < 0.03
+    exact, _ = regress_ink(*regression(0.0, law))
+    assert exact[0] == pytest.approx(0.5, abs=0.003)  # there is no ridge on the constant
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -273,6 +295,11 @@ def test_one_stroke_tells_nothing_about_another():
     weights, _ = regress_ink(design, ink, stroke, weight)
     assert not weights[1:].any()
     assert weights[0] == pytest.approx(ink.mean(axis=0))
+    spoilt = np.arange(len(ink)) % 4 < 2
+    ink = np.where(spoilt[:, None], 5.0, ink)
+    weights, noise = regress_ink(design, ink, stroke, 1.0 - spoilt)
+    assert weights[0] == pytest.approx(ink[~spoilt].mean(axis=0), abs=1e-3)
+    assert noise.max() < 0.1
 
 
 # ------------------------------------------------------------------------------------------- all
