@@ -9,7 +9,7 @@ from stroke_zoo import stroke, together, zoo
 from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.strokes import Drawing, Texture
 from strokestyle.geometry.curves import simplify_all
-from strokestyle.svg.tones import _fitted, tone_paths, tones
+from strokestyle.svg.tones import fit_bsplines, tone_shapes, tones
 from strokestyle.svg.write import png_from_svg, write_svg
 
 
@@ -111,7 +111,7 @@ def test_edges_are_fitted_to_the_whole_contour(monkeypatch):
     offsets = np.r_[0, np.cumsum(keep)][ends]
 
     def errors():
-        control = _fitted(two, ends, keep, offsets)
+        control = fit_bsplines(two, ends, keep, offsets)
         for k, xy in enumerate((ring, ring[::2] + 100)):
             here = control[offsets[k] : offsets[k + 1]][:, None]
             before, after, t = (
@@ -136,7 +136,7 @@ def test_dense_grain_is_simplified_until_it_fits(monkeypatch):
     strip[..., 3] = rng.integers(0, 2, (200, 40)) * 255
     made = Drawing(line, (140, 140), [[0, 0, 0, 1]], Texture(strip, [0, 200], 0.0))
     fine = len(tones(made, [0]).points)
-    monkeypatch.setattr("strokestyle.svg.tones.POINTS", fine // 2)
+    monkeypatch.setattr("strokestyle.svg.tones.MAX_POINTS", fine // 2)
     assert len(tones(made, [0]).points) < 0.65 * fine
 
 
@@ -147,7 +147,7 @@ def test_what_shows_nothing_has_no_paths():
     made = Drawing(
         line, (140, 140), np.tile([0, 0, 0, 1.0], (2, 1)), Texture(strips, [0, 20, 40], 1.0)
     )
-    paths = tone_paths(tones(made, [0, 1]))
+    paths = tone_shapes(tones(made, [0, 1]))
     assert paths[0] == [] and len(paths[1]) >= 1
-    assert tone_paths(tones(made, [])) == []
+    assert tone_shapes(tones(made, [])) == []
     assert "nan" not in write_svg(made, texture="vector")

@@ -21,7 +21,7 @@ from strokestyle.geometry.curves import KINDS
 from strokestyle.geometry.parts import Parts
 from strokestyle.svg import write as svg
 from strokestyle.svg.read import read_svg
-from strokestyle.svg.tones import _fitted
+from strokestyle.svg.tones import fit_bsplines
 from strokestyle.svg.write import png_from_svg, save_svg
 from strokestyle.viewer.page import page_html
 
@@ -316,7 +316,7 @@ def test_edges_of_tones_are_those_of_the_command(opened):
     radius = 30 + 4 * np.sin(5 * angle) + 2 * np.cos(9 * angle)
     ring = 50 + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     keep = np.isin(np.arange(101), [0, 6, 13, 17, 24, 29, 37, 42, 50, 55, 63, 68, 75, 83, 90, 96])
-    wanted = _fitted(ring, np.array([0, 101]), keep, np.array([0, 16]))
+    wanted = fit_bsplines(ring, np.array([0, 101]), keep, np.array([0, 16]))
     browser = opened(write_svg(drawing(None)))
     x, y = ring.T.tolist()
     got = browser.run(f"fitted({x}, {y}, {np.flatnonzero(keep).tolist()})")

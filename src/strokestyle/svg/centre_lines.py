@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..drawing.strokes import Drawing, paint_order
+from ..drawing.strokes import Drawing, Strokes, paint_order
 from ..geometry.bezier import fit_lines
-from ..geometry.curves import KINDS, arc_length, simplify
+from ..geometry.curves import KINDS, arc, simplify
 from .document import LayerItem, Page, document, layered
 from .format import SvgOptions
+from .landmarks import fine_line
 from .markup import Element, hex_color, number, numbers, units
 
 PEN = 0.3  # mm, how thick a plotter's lines are shown
@@ -55,36 +58,50 @@ def _pen_lines(
     return items
 
 
-def power_strokes(drawing: Drawing, options: SvgOptions, index: list[int]) -> list[tuple[str, str]]:
-    """(the skeleton's path data, PowerStroke's offset points) for strokes `index`.
+class PowerStroke(NamedTuple):
+    """A stroke as Inkscape's PowerStroke has it.
 
-    An offset point is "t,w": t counts the skeleton's curves, w is half the width. Other programs show the outline
-    that we wrote; Inkscape makes its own of these once the stroke is touched.
+    Parameters
+    ----------
+    d : path data of its skeleton
+    line : (n, 2), that skeleton as a fine polyline, px
+    offset_points : "t,w | ...": t counts the skeleton's curves, w is half the width, px
+    """
+
+    d: str
+    line: np.ndarray
+    offset_points: str
+
+
+def power_strokes(drawing: Drawing, options: SvgOptions, index: list[int]) -> list[PowerStroke]:
+    """Give strokes `index` as PowerStrokes.
+
+    Other programs show the outline that we wrote; Inkscape makes its own of these once the stroke is touched.
     """
     strokes = drawing.strokes
     lines = fit_lines(strokes.xy, strokes.offsets, LINE_SLACK)
     made = []
     for i in index:
         cubics, rows = lines[i]
-        part = slice(strokes.offsets[i], strokes.offsets[i + 1])
-        along = arc_length(strokes.xy[part], np.array([0, len(strokes.xy[part])]))
-        half = 0.5 * strokes.thickness[part]
-        knots = (
-            simplify(np.stack([along, half], axis=1), 0.5 * POWER_STROKE_SLACK)
-            if along[-1] > 0
-            else np.array([0])
-        )
-        t = (
-            np.interp(along[knots], along[rows], np.arange(len(rows)))
-            if along[-1] > 0
-            else np.zeros(1)
-        )
-        if strokes.closed[i]:  # the last is the first
-            t, knots = t[:-1], knots[:-1]
-        pairs = zip(numbers(units(t, 4), 4), numbers(units(half[knots], 3), 3), strict=True)
         d = line_path(cubics, options.decimals, bool(strokes.closed[i]))
-        made.append((d, " | ".join(f"{a},{w}" for a, w in pairs)))
+        told = units(cubics, options.decimals) / 10**options.decimals
+        made.append(PowerStroke(d, fine_line(told), _offset_points(strokes, i, rows)))
     return made
+
+
+def _offset_points(strokes: Strokes, i: int, rows: np.ndarray) -> str:
+    """Half widths along a skeleton whose curves begin and end at the stroke's points `rows`."""
+    part = strokes.rows(i)
+    along, half = arc(strokes.xy[part]), 0.5 * strokes.thickness[part]
+    if along[-1] > 0:
+        knots = simplify(np.stack([along, half], axis=1), 0.5 * POWER_STROKE_SLACK)
+        t = np.interp(along[knots], along[rows], np.arange(len(rows)))
+    else:
+        knots, t = np.array([0]), np.zeros(1)
+    if strokes.closed[i]:  # the last is the first
+        t, knots = t[:-1], knots[:-1]
+    pairs = zip(numbers(units(t, 4), 4), numbers(units(half[knots], 3), 3), strict=True)
+    return " | ".join(f"{a},{w}" for a, w in pairs)
 
 
 def effect(name: str, offset_points: str) -> Element:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..drawing.raster import textured_pixels
 from ..drawing.strokes import Drawing
 from .format import IMAGE_LEVELS_GRAIN, IMAGE_LEVELS_SOFT
-from .ink import GRAIN, inks
+from .ink import GRAIN, Inks
 from .palette import Quantiser, ink_palette, used
 from .png import encode_png
 
@@ -17,46 +18,71 @@ SAMPLE = 40_000  # texels that a drawing's colours are chosen from
 SEEN = 0.5 / 255  # opacity
 
 
+@dataclass(frozen=True)
+class StrokeImage:
+    """The pixels of a stroke: where they lie, in px of the drawing, and a PNG of them."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    png: bytes
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(4, 2), px, clockwise from the upper left."""
+        right, lower = self.x + self.width, self.y + self.height
+        return np.array([[self.x, self.y], [right, self.y], [right, lower], [self.x, lower]])
+
+
 def stroke_images(
-    drawing: Drawing, index: np.ndarray, resolution: float = 2.0
-) -> Iterator[tuple[float, float, float, float, bytes] | None]:
-    """The strokes of `index` one by one: (x, y, width, height) in the drawing's pixels and a PNG of `resolution` pixels
-    a pixel; None where nothing shows."""
+    drawing: Drawing, index: np.ndarray, resolution: float, ink: Inks
+) -> Iterator[StrokeImage | None]:
+    """Paint the strokes of `index` one by one, `resolution` pixels a pixel; None where nothing shows.
+
+    `ink` are the inks of all strokes.
+    """
     texture = drawing.texture
-    ink = inks(texture)
-    colors = None
-    for i, (crop, pixel, color) in zip(
-        index, textured_pixels(drawing, index, resolution), strict=True
-    ):
+    assert texture is not None  # as there are inks
+    few: Quantiser | None = None
+    painted = textured_pixels(drawing, index, resolution)
+    for i, (crop, pixel, color) in zip(index, painted, strict=True):
         seen = color[:, 3] > SEEN
         pixel, color = pixel[seen], color[seen]
         if not len(pixel):
             yield None
             continue
         if ink.plain[i]:
-            levels = IMAGE_LEVELS_GRAIN if ink.grain[i] > GRAIN else IMAGE_LEVELS_SOFT
-            most = float(color[:, 3].max())
-            palette = ink_palette(ink.color[i], levels) * [
-                1.0,
-                1.0,
-                1.0,
-                most,
-            ]  # a faint stroke has as many
-            place = np.rint(color[:, 3] / most * (levels - 1)).astype(np.uint8)
+            place, palette = _in_one_ink(color[:, 3], ink.color[i], ink.grain[i])
         else:
-            colors = colors or Quantiser(_sample(texture.rgba))
-            palette, place = colors.palette, colors.index(color)
-        y, x = np.divmod(pixel, crop.w)
-        x0, y0, width, height = x.min(), y.min(), np.ptp(x) + 1, np.ptp(y) + 1
-        picture = np.zeros((height, width), np.uint8)
-        picture[y - y0, x - x0] = place
+            few = few or Quantiser(_sample(texture.rgba))
+            place, palette = few.index(color), few.palette
+        picture, x, y = _cropped(place, pixel, crop.w)
         if not ink.plain[i]:
             picture, palette = used(picture, palette)
-        box = np.array([crop.x0 + x0, crop.y0 + y0, width, height]) / resolution
-        yield (
-            *box.tolist(),
-            encode_png(picture, np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)),
-        )
+        size = picture.shape[1], picture.shape[0]
+        box = np.array([crop.x0 + x, crop.y0 + y, *size]) / resolution
+        png = encode_png(picture, np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8))
+        yield StrokeImage(*box.tolist(), png)
+
+
+def _in_one_ink(
+    opacity: np.ndarray, ink: np.ndarray, grain: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Opacities (M,) as places (M,) uint8 in a palette (n, 4) of an ink; a faint stroke has as many levels."""
+    levels = IMAGE_LEVELS_GRAIN if grain > GRAIN else IMAGE_LEVELS_SOFT
+    most = float(opacity.max())
+    place = np.rint(opacity / most * (levels - 1)).astype(np.uint8)
+    return place, ink_palette(ink, levels) * [1.0, 1.0, 1.0, most]
+
+
+def _cropped(place: np.ndarray, pixel: np.ndarray, width: int) -> tuple[np.ndarray, int, int]:
+    """The smallest picture (h, w) that holds values at pixels of one `width` px wide, and where it lies there."""
+    y, x = np.divmod(pixel, width)
+    left, upper = x.min(), y.min()
+    picture = np.zeros((np.ptp(y) + 1, np.ptp(x) + 1), np.uint8)
+    picture[y - upper, x - left] = place
+    return picture, left, upper
 
 
 def _sample(rgba: np.ndarray) -> np.ndarray:

@@ -13,6 +13,8 @@ from ..drawing.strokes import Drawing
 from .format import SvgOptions
 from .markup import Element
 
+ROUNDING = 2.0  # levels of 255, of opacity and of colour that it weighs, however often interpolated
+
 
 @dataclass(frozen=True)
 class DrawnStroke:
@@ -56,10 +58,10 @@ def shaping_options(options: SvgOptions) -> tuple:
 def stroke_digest(drawing: Drawing, i: int) -> bytes:
     """A digest of stroke i: its line, widths, colour, kind and margin, and how many texels lie along it."""
     strokes, texture = drawing.strokes, drawing.texture
-    rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
+    rows = strokes.rows(i)
     texels, margin = -1, 0.0
     if texture is not None:
-        texels, margin = int(np.diff(texture.offsets[i : i + 2])[0]), float(texture.margin[i])
+        texels, margin = len(texture.strip(i)), float(texture.margin[i])
     facts = (int(strokes.kind[i]), bool(strokes.closed[i]), texels, margin)
     made = hashlib.blake2b(repr(facts).encode(), digest_size=16)
     for part in (strokes.xy[rows], strokes.thickness[rows], drawing.color[i]):
@@ -97,7 +99,7 @@ def kept_strokes(drawing: Drawing, options: SvgOptions, kept: Kept) -> dict[int,
 
 def _strip(drawing: Drawing, i: int) -> np.ndarray | None:
     texture = drawing.texture
-    return None if texture is None else texture.rgba[slice(*texture.offsets[i : i + 2])]
+    return None if texture is None else texture.strip(i)
 
 
 def _is_same_strip(strip: np.ndarray | None, was: np.ndarray | None) -> bool:
@@ -120,9 +122,6 @@ def _is_same_strip(strip: np.ndarray | None, was: np.ndarray | None) -> bool:
         for around in (ndimage.minimum_filter, ndimage.maximum_filter)
     )
     return bool(((now >= low - ROUNDING) & (now <= high + ROUNDING)).all())
-
-
-ROUNDING = 2.0  # levels of 255, of opacity and of colour that it weighs, however often interpolated
 
 
 def _premultiplied(texels: np.ndarray) -> np.ndarray:

@@ -53,40 +53,41 @@ def used(index: np.ndarray, palette: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return compact[index], palette[kept]
 
 
-def quantise(flat, count):
-    """At most `count` straight RGBA colours for premultiplied pixels (M, 4), and each pixel's: weighted k-means."""
-    grid = np.rint(flat * 63).astype(np.int64)
+def quantise(color: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Choose at most `count` colours for premultiplied pixels (M, 4), by weighted k-means.
+
+    Returns each pixel's place (M,) uint8 among them, and the colours (K, 4), straight RGBA in [0, 1].
+    """
+    grid = np.rint(color * 63).astype(np.int64)
     code = ((grid[:, 0] * 64 + grid[:, 1]) * 64 + grid[:, 2]) * 64 + grid[:, 3]
-    cell, where, weight = np.unique(code, return_inverse=True, return_counts=True)
+    _, where, number = np.unique(code, return_inverse=True, return_counts=True)
     where = where.ravel()
-    sums = np.stack([np.bincount(where, flat[:, k]) for k in range(4)], axis=1)
-    colors = sums / weight[:, None]
-    clear = colors[:, 3] < 1 / 255
-    weight = np.where(clear, 0, weight).astype(np.float64)
+    cells = np.stack([np.bincount(where, color[:, k]) for k in range(4)], axis=1) / number[:, None]
+    weight = np.where(cells[:, 3] < 1 / 255, 0, number).astype(np.float64)
     if not weight.any():  # a breath of ink, less than a level of alpha everywhere
-        return np.zeros(len(flat), np.uint8), np.zeros((1, 4))
-    # the first centres: evenly spread over the cells, along the axis on which they differ most
-    mean = (weight[:, None] * colors).sum(axis=0) / weight.sum()
-    spread = (colors - mean) * np.sqrt(weight)[:, None]
-    axis = np.linalg.eigh(spread.T @ spread)[1][:, -1]
-    order = np.argsort(colors @ axis, kind="stable")
-    heap = np.cumsum(np.sqrt(weight[order]))
-    first = np.searchsorted(heap, (np.arange(count - 1) + 0.5) / (count - 1) * heap[-1])
-    centres = np.concatenate(
-        [np.zeros((1, 4)), np.unique(colors[order[np.minimum(first, len(order) - 1)]], axis=0)]
-    )
+        return np.zeros(len(color), np.uint8), np.zeros((1, 4))
+    centres = _first_centres(cells, weight, count)
     for _ in range(6):
-        near = nearest(colors, centres)
+        near = nearest(cells, centres)
         total = np.bincount(near, weight, len(centres))
-        moved = np.stack(
-            [np.bincount(near, weight * colors[:, k], len(centres)) for k in range(4)], axis=1
-        )
-        centres = np.where(total[:, None] > 0, moved / np.maximum(total, 1e-9)[:, None], centres)
-    near = nearest(colors, centres)
-    straight = np.concatenate(
-        [centres[:, :3] / np.maximum(centres[:, 3:], 1e-6), centres[:, 3:]], axis=1
-    )
+        sums = [np.bincount(near, weight * cells[:, k], len(centres)) for k in range(4)]
+        mean = np.stack(sums, axis=1) / np.maximum(total, 1e-9)[:, None]
+        centres = np.where(total[:, None] > 0, mean, centres)
+    near, alpha = nearest(cells, centres), centres[:, 3:]
+    straight = np.concatenate([centres[:, :3] / np.maximum(alpha, 1e-6), alpha], axis=1)
     return near[where].astype(np.uint8), straight
+
+
+def _first_centres(color: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
+    """None and colours evenly spread over those that there are, along the axis on which they differ most."""
+    mean = (weight[:, None] * color).sum(axis=0) / weight.sum()
+    spread = (color - mean) * np.sqrt(weight)[:, None]
+    axis = np.linalg.eigh(spread.T @ spread)[1][:, -1]
+    order = np.argsort(color @ axis, kind="stable")
+    heap = np.cumsum(np.sqrt(weight[order]))
+    place = np.searchsorted(heap, (np.arange(count - 1) + 0.5) / (count - 1) * heap[-1])
+    chosen = np.unique(color[order[np.minimum(place, len(order) - 1)]], axis=0)
+    return np.concatenate([np.zeros((1, 4)), chosen])
 
 
 def nearest(colors: np.ndarray, centres: np.ndarray) -> np.ndarray:

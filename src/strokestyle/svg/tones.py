@@ -1,14 +1,17 @@
 """The texture of strokes as true paths: regions of even tone, contoured in u and v and laid along the stroke.
 
-Tones are nested, the lightest first: each is painted over the one before, and what shows through adds up to the opacity
-and colour that the texture has there on average. A region's edge is a closed uniform quadratic B-spline: its pieces
-meet in the middles of the sides of a polygon, so that path data needs one point a piece (`q`, then `t`). Its numbers
-are whole ones, of TONE_UNIT px: a third less text than decimals.
+Tones are nested, the lightest first: each is painted over the one before, and what shows through
+adds up to the opacity and colour that the texture has there on average. A region's edge is a closed
+uniform quadratic B-spline: its pieces meet in the middles of the sides of a polygon, so that path
+data needs one point a piece (`q`, then `t`). Its numbers are whole ones, of TONE_UNIT px: a third
+less text than decimals.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array, identity
@@ -19,17 +22,21 @@ from ..drawing.strokes import Drawing
 from ..geometry.curves import arc, counting, owner, simplify_all, take_ragged
 from ..geometry.polygons import isolines
 from .format import TONE_UNIT
-from .ink import inks
+from .ink import Inks, inks
+from .landmarks import fine_line
 
 SLACK = 3.0  # times the tolerance of an outline: how far the edge of a tone may be off
-POINTS = 85_000  # of all polygons: beyond it the slack grows, so that a dense drawing stays a file to work with
-COARSEST = 0.6  # px, the most that it grows to
+MAX_POINTS = (
+    85_000  # of all polygons: beyond it the slack grows, so that the file can be worked with
+)
+MAX_SLACK = 0.6  # px, the most that it grows to
 HELD = 0.05  # weight of the spline through the points kept, beside 1 for each point of a contour
 SPECK = 3.0  # times the slack squared: regions and holes of less area are left out
-FOLD = 0.97  # of the radius of a bend, from its inside: texels beyond it would be laid upside down
-LONGEST = 1.5  # px, the longest step of a contour that is laid along a bend
-COARSE = 64  # bins of opacity for a first look
+FOLD = 0.97  # of the radius of a bend, from its inside: texels beyond would be laid upside down
+MAX_STEP = 1.5  # px, the longest step of a contour that is laid along a bend
+COARSE_BINS = 64  # of opacity, for a first look
 CLEAR = 3 / 255  # opacity that nobody sees
+OUT_OF_REACH = 2.0  # a threshold that no opacity reaches
 
 
 @dataclass(frozen=True)
@@ -42,7 +49,7 @@ class Tones:
     color : (C, K, 3) float64 in [0, 1]
     points : (M, 2) int64, polygon points in units of 2 TONE_UNIT
     offsets : (R+1,) of the polygons
-    stroke, tone : (R,) whose they are
+    stroke, tone : (R,) whose they are; polygons lie by stroke, then tone, the largest of each first
     """
 
     opacity: np.ndarray
@@ -53,64 +60,129 @@ class Tones:
     tone: np.ndarray
 
 
-def tones(drawing: Drawing, index, count: int = 3, tolerance: float = 0.1) -> Tones:
-    """The texture of the strokes of `index` in `count` tones, their edges within SLACK times the tolerance, px."""
-    index, texture = np.asarray(index, np.int64), drawing.texture
+class Contours(NamedTuple):
+    """Closed contours of tones.
+
+    `xy` (M, 2) are points in px, contour r is rows offsets[r]:offsets[r+1]; `stroke` and `tone` (R,)
+    say whose it is.
+    """
+
+    xy: np.ndarray
+    offsets: np.ndarray
+    stroke: np.ndarray
+    tone: np.ndarray
+
+
+def tones(
+    drawing: Drawing,
+    index: np.ndarray | Sequence[int],
+    count: int = 3,
+    tolerance: float = 0.1,
+    ink: Inks | None = None,
+) -> Tones:
+    """Divide the texture of the strokes of `index` into `count` tones.
+
+    Their edges lie within SLACK times the `tolerance`, px. `ink` are the inks of all strokes, where
+    they are known. Raises ValueError where the drawing has no texture.
+    """
+    texture = drawing.texture
+    if texture is None:
+        raise ValueError("only a texture has tones: the drawing has none")
+    index = np.asarray(index, np.int64)
     bands = [ribbon(drawing.strokes, i, texture.margin[i]) for i in index]
-    wraps = np.array([band.closed for band in bands], bool)
     rows, strips = take_ragged(texture.offsets, index)
     rgba = texture.rgba[rows]
     alpha = rgba[..., 3].astype(np.float32) / 255.0
-    levels, thresholds, color = _levels(alpha, rgba, strips, count, inks(texture).color[index])
+    levels = _levels(alpha, rgba, strips, count, (ink or inks(texture)).color[index])
+    contours = _contours(alpha, strips, bands, levels.threshold)
+    points, offsets, kept = _splines(contours.xy, contours.offsets, SLACK * tolerance)
+    stroke, tone = contours.stroke[kept], contours.tone[kept]
+    order = _largest_first(np.abs(_areas(points, offsets)), stroke * count + tone)
+    rows, offsets = take_ragged(offsets, order)
+    opacity = _painted_opacity(levels.level)
+    return Tones(opacity, levels.color, points[rows], offsets, stroke[order], tone[order])
+
+
+def _painted_opacity(level: np.ndarray) -> np.ndarray:
+    """The opacities (C, K) of tones, each painted over those before, that add up to `level` (C, K)."""
+    clear = 1.0 - np.concatenate([np.zeros((len(level), 1)), level], axis=1)
+    return np.clip(1.0 - clear[:, 1:] / np.maximum(clear[:, :-1], 1e-6), 0, 1)
+
+
+def _contours(
+    alpha: np.ndarray, strips: np.ndarray, bands: list[Ribbon], threshold: np.ndarray
+) -> Contours:
+    """The contours of strips at thresholds (C, K) of their opacity, laid along their ribbons."""
+    wraps = np.array([band.closed for band in bands], bool)
     field, grids = _rimmed(alpha, strips, wraps)
-    frames = np.concatenate(
-        [_frames(*pair) for pair in zip(bands, np.diff(strips), strict=True)] or [np.zeros((0, 5))]
+    frames = _joined(
+        [_frames(band, rows) for band, rows in zip(bands, np.diff(strips), strict=True)]
     )
-    rings = []
-    for k in range(count):
-        at, ends, stroke = isolines(field, grids, wraps, thresholds[:, k])
-        xy, ends = _laid(at, ends, frames, texture.rgba.shape[1])
-        rings.append((xy, ends, stroke, np.full(len(stroke), k)))
-    xy = np.concatenate([ring[0] for ring in rings])
-    shift = np.cumsum([0] + [len(ring[0]) for ring in rings])
-    ends = np.concatenate(
-        [ring[1][:-1] + a for ring, a in zip(rings, shift, strict=False)] + [shift[-1:]]
+    parts = []
+    for k in range(threshold.shape[1]):
+        at, ends, stroke = isolines(field, grids, wraps, threshold[:, k])
+        xy, ends = _laid(at, ends, frames, alpha.shape[1])
+        parts.append(Contours(xy, ends, stroke, np.full(len(stroke), k)))
+    shift = np.cumsum([0] + [len(part.xy) for part in parts])
+    begins = [part.offsets[:-1] + a for part, a in zip(parts, shift, strict=False)]
+    return Contours(
+        np.concatenate([part.xy for part in parts]),
+        np.concatenate([*begins, shift[-1:]]),
+        np.concatenate([part.stroke for part in parts]),
+        np.concatenate([part.tone for part in parts]),
     )
-    stroke, tone = (np.concatenate([ring[k] for ring in rings]) for k in (2, 3))
-    points, ends, kept = _splines(xy, ends, SLACK * tolerance)
-    order = _largest_first(np.abs(_areas(points, ends)), stroke[kept] * count + tone[kept])
-    rows, ends = take_ragged(ends, order)
-    points, kept = points[rows], kept[order]
-    clear = 1.0 - np.concatenate([np.zeros((len(index), 1)), levels], axis=1)
-    opacity = 1.0 - clear[:, 1:] / np.maximum(clear[:, :-1], 1e-6)
-    return Tones(np.clip(opacity, 0, 1), color, points, ends, stroke[kept], tone[kept])
 
 
 # ------------------------------------------------------------------------------------------------------------- tone
 
 
-def _levels(alpha, rgba, offsets, count, ink):
-    """The opacity (C, K) that each stroke's tones add up to, the thresholds (C, K) between them, and colours (C, K, 3).
+class _Levels(NamedTuple):
+    """What the tones of each stroke are.
 
-    Least squares on each stroke's histogram of opacity, the lowest level none: the best of coarse partitions, then made
-    finer (Lloyd 1982). So the few opacities of a texture that was told in tones before are found again. Then all are
-    raised until the stroke is as dark as its texture. Where there are fewer opacities than levels, the last thresholds
+    `level` (C, K) is the opacity that they add up to, `threshold` (C, K) that above which a texel is
+    of a tone, and `color` (C, K, 3) what each is painted with.
+    """
+
+    level: np.ndarray
+    threshold: np.ndarray
+    color: np.ndarray
+
+
+def _levels(
+    alpha: np.ndarray, rgba: np.ndarray, offsets: np.ndarray, count: int, ink: np.ndarray
+) -> _Levels:
+    """Choose the levels of tone of each stroke, and their colours.
+
+    Least squares on each stroke's histogram of opacity, the lowest level none: the best of coarse
+    partitions, then made finer (Lloyd 1982). So the few opacities of a texture that was told in
+    tones before are found again. Where there are fewer opacities than levels, the last thresholds
     are out of reach.
     """
     strokes, own = len(offsets) - 1, owner(offsets)
-    bins = np.rint(alpha * 255).astype(np.int64)
-    flat = (own[:, None] * 256 + bins).reshape(-1)
-    histogram = np.bincount(flat, minlength=strokes * 256).reshape(strokes, 256).astype(np.float64)
+    bins = (own[:, None] * 256 + np.rint(alpha * 255).astype(np.int64)).reshape(-1)
+    histogram = np.bincount(bins, minlength=strokes * 256).reshape(strokes, 256).astype(np.float64)
+    level, threshold = _distinct(*_refined(histogram, _partitioned(histogram, count)))
     value = np.arange(256) / 255.0
-    below = np.concatenate([np.zeros((strokes, 1)), np.cumsum(histogram, axis=1)], axis=1)
-    mass = np.concatenate([np.zeros((strokes, 1)), np.cumsum(histogram * value, axis=1)], axis=1)
-    level = _partitioned(histogram, count)
-    row = np.arange(strokes)[:, None]
+    tone_of_bin = (value[None, :, None] >= threshold[:, None]).sum(axis=2)
+    key = np.repeat(own * (count + 1), alpha.shape[1]) + tone_of_bin.reshape(-1)[bins]
+    mean = _mean_colors(rgba, key, np.repeat(ink, count + 1, axis=0))
+    wanted = mean.reshape(strokes, count + 1, 3)[:, 1:] * level[..., None]
+    return _Levels(level, np.maximum(threshold, CLEAR), _painted_color(level, wanted))
+
+
+def _refined(histogram: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Move levels (C, K) to the means of what is nearest to them, four times; the thresholds between.
+
+    Then raise all until the stroke is as dark as its texture, by a quarter at most.
+    """
+    value = np.arange(256) / 255.0
+    nothing, row = np.zeros((len(histogram), 1)), np.arange(len(histogram))[:, None]
+    below = np.concatenate([nothing, np.cumsum(histogram, axis=1)], axis=1)
+    mass = np.concatenate([nothing, np.cumsum(histogram * value, axis=1)], axis=1)
     for _ in range(4):
-        threshold = 0.5 * (level + np.concatenate([np.zeros((strokes, 1)), level[:, :-1]], axis=1))
-        cut = np.concatenate(
-            [np.ceil(threshold * 255).astype(np.int64), np.full((strokes, 1), 256)], axis=1
-        )
+        threshold = 0.5 * (level + np.concatenate([nothing, level[:, :-1]], axis=1))
+        cut = np.ceil(threshold * 255).astype(np.int64)
+        cut = np.concatenate([cut, np.full((len(cut), 1), 256)], axis=1)
         number = below[row, cut[:, 1:]] - below[row, cut[:, :-1]]
         level = np.where(
             number > 0,
@@ -118,81 +190,97 @@ def _levels(alpha, rgba, offsets, count, ink):
             level,
         )
     shown = (number * level).sum(axis=1)
-    level = np.minimum(
-        level * (mass[:, -1] / np.maximum(shown, 1e-9)).clip(1.0, 1.25)[:, None], 1.0
-    )
+    darker = (mass[:, -1] / np.maximum(shown, 1e-9)).clip(1.0, 1.25)
+    return np.minimum(level * darker[:, None], 1.0), threshold
+
+
+def _distinct(level: np.ndarray, threshold: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Levels and thresholds (C, K), those that repeat the level before put last and out of reach."""
     same = np.diff(level, axis=1, prepend=0.0) < 1.0 / 255.0
-    last = np.argsort(same, axis=1, kind="stable")
-    level, threshold = level[row, last], np.where(same, 2.0, threshold)[row, last]
-    level = np.maximum.accumulate(level, axis=1)  # what is the same again adds nothing
-    # the mean colour of what lies between two thresholds, and of what makes it so over the tone below
-    place = (value[None, :, None] >= threshold[:, None]).sum(axis=2)
-    tone = place.reshape(-1)[flat]
-    key = np.repeat(own * (count + 1), alpha.shape[1]) + tone
+    row, last = np.arange(len(level))[:, None], np.argsort(same, axis=1, kind="stable")
+    level, threshold = level[row, last], np.where(same, OUT_OF_REACH, threshold)[row, last]
+    return np.maximum.accumulate(level, axis=1), threshold  # what is the same again adds nothing
+
+
+def _mean_colors(rgba: np.ndarray, key: np.ndarray, default: np.ndarray) -> np.ndarray:
+    """The mean colour (G, 3) in [0, 1] of each group of texels, `default` (G, 3) where none shows."""
     weight = rgba[..., 3].reshape(-1).astype(np.float64)
-    total = np.bincount(key, weight, strokes * (count + 1))
-    mean = np.stack(
-        [
-            np.bincount(key, weight * rgba[..., c].reshape(-1), strokes * (count + 1))
-            for c in range(3)
-        ],
-        axis=1,
-    )
-    mean = np.where(
-        total[:, None] > 0,
-        mean / np.maximum(total, 1e-9)[:, None] / 255.0,
-        np.repeat(ink, count + 1, axis=0),
-    )
-    wanted = mean.reshape(strokes, count + 1, 3)[:, 1:] * level[..., None]
-    color, under, clear = np.empty((strokes, count, 3)), np.zeros((strokes, 3)), np.ones(strokes)
-    for k in range(count):
+    total = np.bincount(key, weight, len(default))
+    sums = [np.bincount(key, weight * rgba[..., c].reshape(-1), len(default)) for c in range(3)]
+    mean = np.stack(sums, axis=1) / np.maximum(total, 1e-9)[:, None] / 255.0
+    return np.where(total[:, None] > 0, mean, default)
+
+
+def _painted_color(level: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """The colours (C, K, 3) of tones that look as `wanted` over those beneath.
+
+    `wanted` (C, K, 3) is premultiplied by `level` (C, K).
+    """
+    color = np.empty_like(wanted)
+    under, clear = np.zeros(wanted[:, 0].shape), np.ones(len(level))
+    for k in range(level.shape[1]):
         left = (1.0 - level[:, k]) / np.maximum(clear, 1e-6)  # of what is beneath
-        color[:, k] = np.clip(
-            (wanted[:, k] - left[:, None] * under) / np.maximum(1.0 - left, 1e-3)[:, None], 0, 1
-        )
+        above = wanted[:, k] - left[:, None] * under
+        color[:, k] = np.clip(above / np.maximum(1.0 - left, 1e-3)[:, None], 0, 1)
         under, clear = wanted[:, k], 1.0 - level[:, k]
-    return level, np.maximum(threshold, CLEAR), color
+    return color
 
 
-def _partitioned(histogram, count):
-    """Mean opacities (C, K) of the K parts, above one of no opacity, in which histograms (C, 256) spread least.
+class _Sums(NamedTuple):
+    """Texels below each bin (C, COARSE_BINS + 1), their opacities, and the squares of these, summed."""
 
-    By dynamic programming (Wang and Song 2011) over COARSE bins.
+    number: np.ndarray
+    mass: np.ndarray
+    square: np.ndarray
+
+
+def _partitioned(histogram: np.ndarray, count: int) -> np.ndarray:
+    """The mean opacities (C, K) of the parts in which histograms (C, 256) spread least.
+
+    There are K, above one of no opacity. By dynamic programming (Wang and Song 2011) over COARSE_BINS.
     """
     value = np.arange(256) / 255.0
-    sums = np.stack([histogram, histogram * value, histogram * value * value]).reshape(
-        3, -1, COARSE, 256 // COARSE
-    )
-    number, mass, square = np.pad(np.cumsum(sums.sum(axis=3), axis=2), ((0, 0), (0, 0), (1, 0)))
-    n, m, q = (total[:, None, :] - total[:, :, None] for total in (number, mass, square))
-    cost = np.where(
-        np.tri(COARSE + 1, k=-1, dtype=bool), np.inf, q - m * m / np.maximum(n, 1e-9)
-    )  # of bins i to j - 1
-    best, cuts = square, []
-    for _ in range(count):
-        total = best[:, :, None] + cost
-        cuts.append(total.argmin(axis=1))
-        best = np.take_along_axis(total, cuts[-1][:, None], axis=1)[:, 0]
-    end, level = np.full((len(histogram), 1), COARSE), np.zeros((len(histogram), count))
+    moments = np.stack([histogram, histogram * value, histogram * value * value])
+    coarse = moments.reshape(3, -1, COARSE_BINS, 256 // COARSE_BINS).sum(axis=3)
+    sums = _Sums(*np.pad(np.cumsum(coarse, axis=2), ((0, 0), (0, 0), (1, 0))))
+    cuts = _best_cuts(sums, count)
+    end, level = np.full((len(histogram), 1), COARSE_BINS), np.zeros((len(histogram), count))
     for k in reversed(range(count)):
         begin = np.take_along_axis(cuts[k], end, axis=1)
-        part, share = (
-            np.take_along_axis(s, end, 1) - np.take_along_axis(s, begin, 1) for s in (mass, number)
+        mass, number = (
+            np.take_along_axis(s, end, 1) - np.take_along_axis(s, begin, 1)
+            for s in (sums.mass, sums.number)
         )
-        level[:, k] = (part / np.maximum(share, 1e-9))[:, 0]
+        level[:, k] = (mass / np.maximum(number, 1e-9))[:, 0]
         end = begin
     return np.maximum.accumulate(level, axis=1)
 
 
-def _rimmed(alpha, offsets, wraps):
-    """Strips with a rim of nothing, stacked: (H, A + 2), offsets. Where u wraps the first row ends it again."""
+def _best_cuts(sums: _Sums, count: int) -> list[np.ndarray]:
+    """For each part, the bin (C, COARSE_BINS + 1) where it best begins by the bin where it ends."""
+    n, m, q = (total[:, None, :] - total[:, :, None] for total in sums)
+    nothing = np.tri(COARSE_BINS + 1, k=-1, dtype=bool)
+    cost = np.where(nothing, np.inf, q - m * m / np.maximum(n, 1e-9))  # of bins i to j - 1
+    best, cuts = sums.square, []
+    for _ in range(count):
+        total = best[:, :, None] + cost
+        cuts.append(total.argmin(axis=1))
+        best = np.take_along_axis(total, cuts[-1][:, None], axis=1)[:, 0]
+    return cuts
+
+
+def _rimmed(
+    alpha: np.ndarray, offsets: np.ndarray, wraps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Strips with a rim of nothing, stacked: (H, A + 2), offsets.
+
+    Where u wraps, the first row ends it again.
+    """
     count = np.diff(offsets) + np.where(wraps, 1, 2)
     grids = np.r_[0, np.cumsum(count)]
     field = np.zeros((grids[-1], alpha.shape[1] + 2), np.float32)
-    field[
-        np.arange(len(alpha)) + np.repeat(grids[:-1] + ~wraps - offsets[:-1], np.diff(offsets)),
-        1:-1,
-    ] = alpha
+    shift = np.repeat(grids[:-1] + ~wraps - offsets[:-1], np.diff(offsets))
+    field[np.arange(len(alpha)) + shift, 1:-1] = alpha
     ends = grids[1:][wraps] - 1
     field[ends] = field[grids[:-1][wraps]]
     return field, grids
@@ -201,8 +289,38 @@ def _rimmed(alpha, offsets, wraps):
 # ------------------------------------------------------------------------------------------------------------ place
 
 
-def _frames(band: Ribbon, rows: int) -> np.ndarray:
-    """What is needed to lay the rows of a rimmed strip: centre x and y, heading, half width, curvature, (H, 5)."""
+class _Frames(NamedTuple):
+    """Where the rows of rimmed strips lie.
+
+    `xy` (H, 2) are their centres, px; `heading` (H,) is in radians, `half` (H,) the half width in px,
+    `curvature` (H,) in 1/px.
+    """
+
+    xy: np.ndarray
+    heading: np.ndarray
+    half: np.ndarray
+    curvature: np.ndarray
+
+    def at(self, place: np.ndarray) -> _Frames:
+        """Frames (M,) between rows, at rows `place` (M,) float."""
+        row = np.minimum(place.astype(np.int64), len(self.half) - 2)
+        part = place - row
+        after = part > 0  # else the next row may be another strip's
+
+        def between(values: np.ndarray) -> np.ndarray:
+            share, some = (part, after) if values.ndim == 1 else (part[:, None], after[:, None])
+            return values[row] * (1.0 - share) + np.where(some, values[row + 1], 0.0) * share
+
+        return _Frames(*map(between, self))
+
+
+def _joined(frames: list[_Frames]) -> _Frames:
+    none = _Frames(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0))
+    return _Frames(*(np.concatenate(values) for values in zip(none, *frames, strict=True)))
+
+
+def _frames(band: Ribbon, rows: int) -> _Frames:
+    """What is needed to lay the rows of a rimmed strip along its ribbon."""
     d = np.diff(band.xy, axis=0)
     heading = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
     middle = 0.5 * (band.along[1:] + band.along[:-1])
@@ -217,25 +335,22 @@ def _frames(band: Ribbon, rows: int) -> np.ndarray:
     else:
         u = np.r_[0.0, (np.arange(rows) + 0.5) / rows, 1.0] * length
     bend = np.diff(heading) / np.maximum(np.diff(middle), 1e-9)
-    piece = np.searchsorted(middle, u)
-    curvature = np.r_[0.0, bend, 0.0][np.clip(piece, 0, len(bend) + 1)]
-    columns = [
-        np.interp(u, along, xy[:, 0]),
-        np.interp(u, along, xy[:, 1]),
-        np.interp(u, middle, heading),
-    ]
-    return np.stack([*columns, np.interp(u, along, half), curvature], axis=1)
+    curvature = np.r_[0.0, bend, 0.0][np.clip(np.searchsorted(middle, u), 0, len(bend) + 1)]
+    centre = np.stack([np.interp(u, along, column) for column in xy.T], axis=1)
+    return _Frames(centre, np.interp(u, middle, heading), np.interp(u, along, half), curvature)
 
 
-def _laid(at, offsets, frames, columns):
-    """Contours (M, 2) as (row, column) of the stacked strips -> pixels (M', 2), with points added round bends."""
+def _laid(
+    at: np.ndarray, offsets: np.ndarray, frames: _Frames, columns: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Contours (M, 2) as (row, column) of the stacked strips -> px (M', 2), finer round bends."""
     if not len(at):
         return np.zeros((0, 2)), offsets
     xy = _place(at, frames, columns)
     after = np.arange(1, len(at) + 1)
     after[offsets[1:] - 1] = offsets[:-1]
     step = np.hypot(*(xy[after] - xy).T)
-    pieces = np.clip(np.ceil(step / LONGEST), 1, 16).astype(np.int64)
+    pieces = np.clip(np.ceil(step / MAX_STEP), 1, 16).astype(np.int64)
     pieces[np.abs(at[after, 0] - at[:, 0]) > 1.0] = 1  # across the seam of a closed stroke
     if (pieces == 1).all():
         return xy, offsets
@@ -245,27 +360,29 @@ def _laid(at, offsets, frames, columns):
     return _place(fine, frames, columns), np.r_[0, np.cumsum(pieces)][offsets]
 
 
-def _place(at, frames, columns):
-    row = np.minimum(at[:, 0].astype(np.int64), len(frames) - 2)
-    part = (at[:, 0] - row)[:, None]
-    frame = frames[row] * (1.0 - part) + np.where(part > 0, frames[row + 1], 0.0) * part
+def _place(at: np.ndarray, frames: _Frames, columns: int) -> np.ndarray:
+    """Pixels (M, 2) of places (M, 2) as (row, column) of the stacked strips."""
+    frame = frames.at(at[:, 0])
     v = np.r_[-1.0, (2.0 * np.arange(columns) + 1.0) / columns - 1.0, 1.0]
     column = np.minimum(at[:, 1].astype(np.int64), columns)
-    across = (v[column] + (at[:, 1] - column) * (v[column + 1] - v[column])) * frame[:, 3]
-    bend = (
-        across * frame[:, 4]
-    )  # above 1, the inside of the bend is folded: there all lie on the bend's own centre
+    across = (v[column] + (at[:, 1] - column) * (v[column + 1] - v[column])) * frame.half
+    # above 1, the inside of the bend is folded: there all lie on the bend's own centre
+    bend = across * frame.curvature
     across = np.where(bend > FOLD, across * FOLD / np.where(bend > FOLD, bend, 1.0), across)
-    return frame[:, :2] + across[:, None] * np.stack(
-        [-np.sin(frame[:, 2]), np.cos(frame[:, 2])], axis=1
-    )
+    normal = np.stack([-np.sin(frame.heading), np.cos(frame.heading)], axis=1)
+    return frame.xy + across[:, None] * normal
 
 
-# ------------------------------------------------------------------------------------------------------------ paths
+# ---------------------------------------------------------------------------------------------------------- splines
 
 
-def _splines(xy, offsets, slack):
-    """The polygons (M, 2) int64, their offsets, and which (R,) of the contours they are, of B-splines near contours."""
+def _splines(
+    xy: np.ndarray, offsets: np.ndarray, slack: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The control polygons (M, 2) int64 of B-splines near contours (M', 2), px.
+
+    Then their offsets, and which (R,) of the contours they are: specks are left out.
+    """
     if not len(xy):
         return np.zeros((0, 2), np.int64), np.zeros(1, np.int64), np.zeros(0, np.int64)
     kept = np.flatnonzero(np.abs(_areas(xy, offsets)) > SPECK * slack * slack)
@@ -275,15 +392,16 @@ def _splines(xy, offsets, slack):
     while True:
         keep[keep] = simplify_all(closed[keep], _counted(keep, ends), slack)
         count = keep.sum() - len(kept)  # the first points are there twice
-        if count <= POINTS or slack >= COARSEST:
+        if count <= MAX_POINTS or slack >= MAX_SLACK:
             break
-        slack = min(COARSEST, slack * max(1.1, (count / POINTS) ** 0.6))
+        slack = min(MAX_SLACK, slack * max(1.1, (count / MAX_POINTS) ** 0.6))
         big = np.flatnonzero(np.abs(_areas(closed, ends)) > SPECK * slack * slack)
         rows, ends = take_ragged(ends, big)
         closed, keep, kept = closed[rows], keep[rows], kept[big]
     keep[ends[1:] - 1] = False
     offsets = _counted(keep, ends)
-    polygon = np.rint(_fitted(closed, ends, keep, offsets) / (2 * TONE_UNIT)).astype(np.int64)
+    control = fit_bsplines(closed, ends, keep, offsets)
+    polygon = np.rint(control / (2 * TONE_UNIT)).astype(np.int64)
     before, _ = _neighbours(offsets)
     keep = (polygon != polygon[before]).any(axis=1)
     polygon, offsets = polygon[keep], _counted(keep, offsets)
@@ -292,65 +410,86 @@ def _splines(xy, offsets, slack):
     return polygon[rows], offsets, kept[real]
 
 
-def _largest_first(area, group):
-    """An order (R,) by group, the largest of each first: from it a reader tells how a stroke was moved."""
+def _largest_first(area: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """An order (R,) by group, the largest of each first: by it a reader tells how a stroke was moved."""
     by_area = np.lexsort((-area, group))
     rank = np.ones(len(group))
     rank[by_area[np.diff(group[by_area], prepend=-1) > 0]] = 0
     return np.lexsort((rank, group))
 
 
-def _fitted(xy, ends, keep, offsets):
-    """The control points (n, 2) of the B-splines nearest to contours (M, 2) that repeat their first points, px.
+def fit_bsplines(
+    xy: np.ndarray, ends: np.ndarray, keep: np.ndarray, offsets: np.ndarray
+) -> np.ndarray:
+    """Fit closed uniform quadratic B-splines to contours by least squares.
 
-    One for each point of `keep`, near which the middle of its piece lies: least squares over all points, each at its
-    share of the arc between the two that are kept (Piegl and Tiller 1997, 9.4.1). A contour of few points is held to
-    the spline that passes through what is kept.
+    Each point of a contour counts, at its share of the arc between the two that are kept (Piegl and
+    Tiller 1997, 9.4.1). A contour of few points is held to the spline that passes through what is
+    kept.
+
+    Parameters
+    ----------
+    xy : (M, 2), px; contour r is rows ends[r]:ends[r+1] and repeats its first point as its last
+    keep : (M,) bool, points near which the middle of a piece shall lie; no last one of a contour
+    offsets : (R+1,) of the kept points
+
+    Returns
+    -------
+    The control points (n, 2), px, one for each point of `keep`.
     """
     before, after = _neighbours(offsets)
     kept = xy[keep]
-    through = 1.25 * kept - 0.125 * (
-        kept[before] + kept[after]
-    )  # the middle is at (before + 6 here + after) / 8
+    # the middle of a piece is at (before + 6 here + after) / 8
+    through = 1.25 * kept - 0.125 * (kept[before] + kept[after])
     free = np.ones(len(xy), bool)
     free[ends[1:] - 1] = False
-    begin = np.flatnonzero(keep)
-    end = begin[after]
-    last = offsets[1:][np.diff(offsets) > 0] - 1
-    end[last] = ends[1:][np.diff(offsets) > 0] - 1
-    run = arc(xy)
-    piece = (np.cumsum(keep) - 1)[free]
-    share = (run[free] - run[begin][piece]) / np.maximum(run[end] - run[begin], 1e-9)[piece]
-    middle = np.where(share < 0.5, piece, after[piece])
-    t = share + np.where(share < 0.5, 0.5, -0.5)
-    basis = np.stack([0.5 * (1 - t) ** 2, 0.5 + t * (1 - t), 0.5 * t * t], axis=1)
-    columns = np.stack([before[middle], middle, after[middle]], axis=1)
-    shape = (len(t), len(kept))
-    matrix = csr_array(
-        (basis.reshape(-1), columns.reshape(-1), np.arange(0, 3 * len(t) + 1, 3)), shape
-    )
+    piece, share = _places(xy, ends, keep, offsets)
+    matrix = _basis(piece[free], share[free], before, after)
     normal = (matrix.T @ matrix + HELD * identity(len(kept))).tocsc()
     return spsolve(normal, matrix.T @ xy[free] + HELD * through)
 
 
-def _counted(keep, offsets):
+def _places(
+    xy: np.ndarray, ends: np.ndarray, keep: np.ndarray, offsets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where points (M, 2) lie: after which kept one, and at what share of the arc to the next."""
+    begin = np.flatnonzero(keep)
+    end = begin[_neighbours(offsets)[1]]
+    some = np.diff(offsets) > 0
+    end[offsets[1:][some] - 1] = ends[1:][some] - 1
+    run = arc(xy)
+    piece = np.cumsum(keep) - 1
+    return piece, (run - run[begin][piece]) / np.maximum(run[end] - run[begin], 1e-9)[piece]
+
+
+def _basis(
+    piece: np.ndarray, share: np.ndarray, before: np.ndarray, after: np.ndarray
+) -> csr_array:
+    """The weights (M, n) of control points at places (M,), of which three count for each."""
+    middle = np.where(share < 0.5, piece, after[piece])
+    t = share + np.where(share < 0.5, 0.5, -0.5)
+    weight = np.stack([0.5 * (1 - t) ** 2, 0.5 + t * (1 - t), 0.5 * t * t], axis=1)
+    column = np.stack([before[middle], middle, after[middle]], axis=1)
+    rows = np.arange(0, 3 * len(t) + 1, 3)
+    return csr_array((weight.reshape(-1), column.reshape(-1), rows), (len(t), len(before)))
+
+
+def _counted(keep: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Offsets once only the rows of `keep` are left."""
     return np.r_[0, np.cumsum(keep)][offsets]
 
 
-def _neighbours(offsets):
+def _neighbours(offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The rows before and after each of closed polygons."""
     some = np.flatnonzero(np.diff(offsets))
+    first, last = offsets[:-1][some], offsets[1:][some] - 1
     rows = np.arange(offsets[-1])
     before, after = rows - 1, rows + 1
-    before[offsets[:-1][some]], after[offsets[1:][some] - 1] = (
-        offsets[1:][some] - 1,
-        offsets[:-1][some],
-    )
+    before[first], after[last] = last, first
     return before, after
 
 
-def _repeated(xy, offsets):
+def _repeated(xy: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Closed polygons with their first points again at their ends."""
     count = np.diff(offsets)
     ring = np.repeat(np.arange(len(count)), count + 1)
@@ -360,45 +499,72 @@ def _repeated(xy, offsets):
     return xy[rows], ends
 
 
-def _areas(xy, offsets):
+def _areas(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """The areas (R,) of closed polygons, of either sign."""
     _, after = _neighbours(offsets)
     cross = np.r_[0.0, np.cumsum(xy[:, 0] * xy[after, 1] - xy[:, 1] * xy[after, 0])]
     return 0.5 * np.diff(cross[offsets])
 
 
-def tone_paths(regions: Tones) -> list[list[tuple[np.ndarray, float, str]]]:
-    """For each stroke, colour (3,), opacity and path data of its tones, the lightest first.
+# ------------------------------------------------------------------------------------------------------------ paths
 
-    In units of TONE_UNIT px, to be filled by the nonzero rule.
+
+class ToneShape(NamedTuple):
+    """A tone of a stroke.
+
+    `color` (3,) lies in [0, 1]; `d` is path data in units of TONE_UNIT px, to be filled by the nonzero
+    rule; `edge` (n, 2) is its first ring as a fine polyline, px.
     """
-    points, offsets = regions.points, regions.offsets
-    paths = [[[] for _ in range(regions.opacity.shape[1])] for _ in range(len(regions.opacity))]
-    if len(points):
-        before, after = _neighbours(offsets)
-        middle = points + points[after]  # of the sides
-        begin = middle[offsets[1:] - 1]  # each ring from the middle of its last side to its first
-        group = regions.stroke * regions.opacity.shape[1] + regions.tone
-        same = np.r_[False, group[1:] == group[:-1]]
-        jump = begin - np.where(same[:, None], np.roll(begin, 1, axis=0), 0)
-        jumps, controls, steps = (
-            [str(value) for value in values.reshape(-1).tolist()]
-            for values in (jump, 2 * points[offsets[:-1]] - begin, middle - middle[before])
-        )
-        ends = offsets.tolist()
-        rings = zip(
-            regions.stroke.tolist(), regions.tone.tolist(), ends[:-1], ends[1:], strict=True
-        )
-        for k, (stroke, tone, a, b) in enumerate(rings):
-            first = " ".join((*controls[2 * k : 2 * k + 2], *steps[2 * a : 2 * a + 2]))
-            paths[stroke][tone].append(
-                f"m{jumps[2 * k]} {jumps[2 * k + 1]}q{first}t{' '.join(steps[2 * a + 2 : 2 * b])}z"
-            )
-    made = []
-    for stroke, layers in enumerate(paths):
-        shown = [
-            (k, "M" + "".join(rings)[1:].replace(" -", "-"))
-            for k, rings in enumerate(layers)
-            if rings
-        ]
-        made.append([(regions.color[stroke, k], regions.opacity[stroke, k], d) for k, d in shown])
+
+    color: np.ndarray
+    opacity: float
+    d: str
+    edge: np.ndarray
+
+
+def tone_shapes(regions: Tones) -> list[list[ToneShape]]:
+    """The tones of each stroke that show, the lightest first."""
+    made: list[list[ToneShape]] = [[] for _ in regions.opacity]
+    group = regions.stroke * regions.opacity.shape[1] + regions.tone
+    begins = np.diff(group, prepend=-1) != 0
+    texts = _ring_texts(regions.points, regions.offsets, ~begins)
+    bounds = [*np.flatnonzero(begins).tolist(), len(group)]
+    for first, end in zip(bounds[:-1], bounds[1:], strict=True):
+        stroke, tone = regions.stroke[first], regions.tone[first]
+        d = "M" + "".join(texts[first:end])[1:].replace(" -", "-")
+        edge = _edge(regions.points[slice(*regions.offsets[first : first + 2])])
+        shape = ToneShape(regions.color[stroke, tone], regions.opacity[stroke, tone], d, edge)
+        made[stroke].append(shape)
     return made
+
+
+def _ring_texts(points: np.ndarray, offsets: np.ndarray, follows: np.ndarray) -> list[str]:
+    """Path data of each polygon's spline.
+
+    One that `follows` (R,) bool another in its path begins relative to that one.
+    """
+    if not len(points):
+        return []
+    before, after = _neighbours(offsets)
+    middle = points + points[after]  # of the sides
+    begin = middle[offsets[1:] - 1]  # each ring from the middle of its last side to its first
+    jump = begin - np.where(follows[:, None], np.roll(begin, 1, axis=0), 0)
+    jumps, controls, steps = (
+        [str(value) for value in values.reshape(-1).tolist()]
+        for values in (jump, 2 * points[offsets[:-1]] - begin, middle - middle[before])
+    )
+    texts, ends = [], (2 * offsets).tolist()
+    for k, (a, b) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+        k *= 2
+        first = " ".join((*controls[k : k + 2], *steps[a : a + 2]))
+        texts.append(f"m{jumps[k]} {jumps[k + 1]}q{first}t{' '.join(steps[a + 2 : b])}z")
+    return texts
+
+
+def _edge(polygon: np.ndarray) -> np.ndarray:
+    """The spline of a polygon (n, 2) as a fine polyline (8 n + 1, 2), px."""
+    control = 2.0 * polygon
+    end = (polygon + np.roll(polygon, -1, axis=0)).astype(np.float64)
+    begin = np.roll(end, 1, axis=0)
+    near = begin + (control - begin) * 2 / 3, end + (control - end) * 2 / 3
+    return TONE_UNIT * fine_line(np.stack([begin, *near, end], axis=1))

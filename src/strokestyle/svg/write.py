@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import resvg_py
@@ -23,23 +24,26 @@ from .centre_lines import EFFECT, effect, plotter_svg, power_strokes
 from .document import LayerItem, Page, document, drawing_data, layered
 from .format import (
     CURVE_CLASS,
+    LANDMARK_DECIMALS,
     MARGIN_DECIMALS,
     PATH_SLACK,
+    SHARE_DECIMALS,
     STRIP_LEVELS,
     STRIP_LEVELS_FEW,
     STROKE_CLASS,
     TONE_UNIT,
+    WIDTH_DECIMALS,
     WIDTH_SLACK,
     Data,
     SvgOptions,
 )
 from .images import stroke_images
-from .ink import inks
+from .ink import Inks, inks
 from .kept import DrawnStroke, Kept, kept_strokes
-from .landmarks import enclosed, fine_line, first_line, landmarks
+from .landmarks import enclosed, fine_line, landmarks
 from .markup import Element, hex_color, number, numbers, polyline_path, printable, rings_path, units
 from .strip_image import strips_png
-from .tones import tone_paths, tones
+from .tones import ToneShape, tone_shapes, tones
 
 SAME_INK = 2.5 / 255  # colours nearer than this are one
 NEAR_INK = 24 / 255  # and nearer than this not far off
@@ -77,12 +81,13 @@ def write_svg(
     options = replace(options or SvgOptions(), **changes)
     if options.plotter:
         return plotter_svg(drawing, options)
-    options = resolve_texture(drawing, options)
+    ink = _inks(drawing, options)
+    options = resolve_texture(drawing, options, ink)
     order = paint_order(drawing, options.layers)
     strokes = kept_strokes(drawing, options, kept or {})
     new = order[[i not in strokes for i in order.tolist()]]
-    strokes |= zip(new.tolist(), _drawn(drawing, options, new), strict=True)
-    if options.texture != "none":
+    strokes |= zip(new.tolist(), _drawn(drawing, options, new, ink), strict=True)
+    if ink is not None:
         told = _told_strips(drawing, options, strokes, new, strips)
         strokes |= {i: _with_attributes(strokes[i], strip) for i, strip in told.items()}
     names = _names(order, ids, drawing.parts is not None)
@@ -124,7 +129,9 @@ def _told_strips(
     What is drawn shows the texture, and is where a reader finds it, but for strokes that lie on themselves; `every`:
     the page, which does not read it there, wants those of the others too.
     """
-    lying = [i for i in new.tolist() if _overlaps(drawing, i)]
+    assert drawing.texture is not None  # asked of drawings whose texture is shown
+    margin = drawing.texture.margin
+    lying = [i for i in new.tolist() if _overlaps(drawing, i, margin[i])]
     told = {i for i, stroke in strokes.items() if Data.TEXTURE in stroke.element.attributes}
     others = sorted(strokes.keys() - told.union(lying)) if every else []
     few = STRIP_LEVELS_FEW if options.texture == "vector" else STRIP_LEVELS
@@ -150,14 +157,23 @@ def _item(drawing: Drawing, i: int, name: str, stroke: DrawnStroke) -> LayerItem
     )
 
 
-def resolve_texture(drawing: Drawing, options: SvgOptions) -> SvgOptions:
-    """The options with the texture that `write_svg` will choose for this drawing."""
+def resolve_texture(drawing: Drawing, options: SvgOptions, ink: Inks | None = None) -> SvgOptions:
+    """Give the options with the texture that `write_svg` will choose for this drawing.
+
+    `ink` are the inks of its texture, where they are known.
+    """
     texture = options.texture
     if options.inkscape_lpe or drawing.texture is None:
         texture = "none"
     elif texture == "auto":
-        texture = "vector" if inks(drawing.texture).of_grain else "image"
+        texture = "vector" if (ink or inks(drawing.texture)).of_grain else "image"
     return replace(options, texture=texture)
+
+
+def _inks(drawing: Drawing, options: SvgOptions) -> Inks | None:
+    """The inks of a drawing whose texture is to be shown."""
+    flat = options.texture == "none" or options.inkscape_lpe
+    return None if flat or drawing.texture is None else inks(drawing.texture)
 
 
 def _names(order: np.ndarray, ids: Sequence[str] | None, parts: bool) -> list[str]:
@@ -175,30 +191,34 @@ def _names(order: np.ndarray, ids: Sequence[str] | None, parts: bool) -> list[st
     return names
 
 
-def _drawn(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
+def _drawn(
+    drawing: Drawing, options: SvgOptions, index: np.ndarray, ink: Inks | None
+) -> Iterator[DrawnStroke]:
     """The strokes of `index`, drawn anew."""
-    fill = {"none": _outlined, "vector": _toned, "image": _pictured}[options.texture]
+    texture = None if ink is None else drawing.texture
+    if ink is None or texture is None:
+        strokes = _outlined(drawing, options, index)
+    elif options.texture == "vector":
+        strokes = _toned(drawing, options, index, ink)
+    else:
+        strokes = _pictured(drawing, options, index, ink)
     knots = _knots(drawing.strokes)
-    for i, stroke in zip(index.tolist(), fill(drawing, options, index), strict=True):
+    for i, stroke in zip(index.tolist(), strokes, strict=True):
         data = _data(drawing, i, options.decimals, knots)
         if options.texture == "vector" and "fill-opacity" in data:
             # tones have their own: scour would drop the group's
             data[Data.OPACITY] = data.pop("fill-opacity")
-        if options.texture != "none":
-            data[Data.MARGIN] = number(drawing.texture.margin[i], MARGIN_DECIMALS)
+        if texture is not None:
+            data[Data.MARGIN] = number(texture.margin[i], MARGIN_DECIMALS)
         yield _with_attributes(stroke, data)
 
 
-def _overlaps(drawing: Drawing, i: int) -> bool:
+def _overlaps(drawing: Drawing, i: int, margin: float) -> bool:
     """Whether what is drawn of stroke i hides some of its texture."""
-    xy, margin = (
-        drawing.strokes.xy[slice(*drawing.strokes.offsets[i : i + 2])],
-        drawing.texture.margin[i],
-    )
+    xy = drawing.strokes.xy[drawing.strokes.rows(i)]
     step, way = np.diff(xy, axis=0), xy[-1] - xy[0]
-    if (
-        step @ way >= 0.5 * np.hypot(*step.T) * np.hypot(*way)
-    ).all() and way.any():  # most strokes, and at once
+    ahead = step @ way >= 0.5 * np.hypot(*step.T) * np.hypot(*way)
+    if ahead.all() and way.any():  # most strokes, and at once
         return False
     return overlaps(ribbon(drawing.strokes, i, margin), margin)
 
@@ -292,89 +312,119 @@ def _outlined(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Itera
         if skeleton is None:
             yield DrawnStroke(Element("path", given))
             continue
-        spine, offset_points = skeleton
-        given["inkscape:original-d"] = spine
-        given[Data.SPINE] = _at(landmarks(first_line(spine)))  # Inkscape draws the outline anew
-        yield DrawnStroke(Element("path", given), offset_points)
+        given["inkscape:original-d"] = skeleton.d
+        given[Data.SPINE] = _at(landmarks(skeleton.line))  # Inkscape draws the outline anew
+        yield DrawnStroke(Element("path", given), skeleton.offset_points)
 
 
-def _toned(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
+def _toned(
+    drawing: Drawing, options: SvgOptions, index: np.ndarray, ink: Inks
+) -> Iterator[DrawnStroke]:
     """Strokes as groups of a few tones, the lightest beneath."""
-    made = tone_paths(tones(drawing, index, options.tones, options.tolerance))
+    made = tone_shapes(tones(drawing, index, options.tones, options.tolerance, ink))
+    for i, shapes in zip(index.tolist(), made, strict=True):
+        at = {Data.AT: _edge_at(shapes[0].edge)} if shapes else {}
+        yield DrawnStroke(Element("g", at, _tone_paths(shapes, drawing.color[i, :3])))
+
+
+def _tone_paths(shapes: list[ToneShape], ink: np.ndarray) -> tuple[Element, ...]:
+    """Tones as paths; the one nearest to the stroke's `ink` has that ink.
+
+    So programs see the stroke's fill in use.
+    """
     unit = f"scale({number(TONE_UNIT, 4)})"
-    for i, paths in zip(index.tolist(), made, strict=True):
-        ink, children = drawing.color[i, :3], []
-        # the tone nearest to the stroke's ink has that ink, so that programs see the stroke's fill in use
-        stray = [float(np.abs(color - ink).max()) for color, _, _ in paths]
-        for (color, opacity, d), off in zip(paths, stray, strict=True):
-            same = off < SAME_INK or off == min(stray) < NEAR_INK
-            fill = {} if same else {"fill": hex_color(color)}
-            fill |= {"fill-opacity": number(opacity, 2), "transform": unit, "d": d}
-            children.append(Element("path", fill))
-        at = {Data.AT: _edge_at(TONE_UNIT * first_line(paths[0][2]))} if paths else {}
-        yield DrawnStroke(Element("g", at, tuple(children)))
+    stray = [float(np.abs(shape.color - ink).max()) for shape in shapes]
+    paths = []
+    for shape, off in zip(shapes, stray, strict=True):
+        same = off < SAME_INK or off == min(stray) < NEAR_INK
+        fill = {} if same else {"fill": hex_color(shape.color)}
+        fill |= {"fill-opacity": number(shape.opacity, 2), "transform": unit, "d": shape.d}
+        paths.append(Element("path", fill))
+    return tuple(paths)
 
 
-def _pictured(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
+def _pictured(
+    drawing: Drawing, options: SvgOptions, index: np.ndarray, ink: Inks
+) -> Iterator[DrawnStroke]:
     """Strokes as groups of an image, whose opacity is the stroke's shape."""
-    for picture in stroke_images(drawing, index, options.texture_res):
+    for picture in stroke_images(drawing, index, options.texture_res, ink):
         if picture is None:
             yield DrawnStroke(Element("g", {}))
             continue
-        x, y, width, height, png = picture
-        box = {"x": x, "y": y, "width": width, "height": height}
-        given = {key: number(value, max(options.decimals, 3)) for key, value in box.items()}
-        href = "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+        given = {
+            name: number(getattr(picture, name), max(options.decimals, 3))
+            for name in ("x", "y", "width", "height")
+        }
+        href = "data:image/png;base64," + base64.b64encode(picture.png).decode("ascii")
         given |= {"preserveAspectRatio": "none", "xlink:href": href}
-        corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
-        yield DrawnStroke(Element("g", {Data.AT: _at(corners)}, (Element("image", given),)))
+        at = {Data.AT: _at(picture.corners)}
+        yield DrawnStroke(Element("g", at, (Element("image", given),)))
 
 
 # ------------------------------------------------------------------------------------------- a stroke, to be read back
 
 
-def _knots(strokes: Strokes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Arc length (N,) px, and which points (N,) bool the centre lines need, and which the widths along them."""
+class _Knots(NamedTuple):
+    """Arc length (N,) px of strokes' points, and which of them (N,) bool centre lines and widths need."""
+
+    along: np.ndarray
+    bends: np.ndarray
+    widths: np.ndarray
+
+    def of(self, rows: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the points of one stroke: its arc length, and the places of those points."""
+        return self.along[rows], *(np.flatnonzero(v[rows]) for v in (self.bends, self.widths))
+
+
+def _knots(strokes: Strokes) -> _Knots:
     along = arc_length(strokes.xy, strokes.offsets)
     widths = np.stack([along, strokes.thickness], axis=1)
     bends = simplify_all(strokes.xy, strokes.offsets, PATH_SLACK)
-    return along, bends, simplify_all(widths, strokes.offsets, WIDTH_SLACK)
+    return _Knots(along, bends, simplify_all(widths, strokes.offsets, WIDTH_SLACK))
 
 
-def _data(
-    drawing: Drawing, i: int, decimals: int, knots: tuple[np.ndarray, np.ndarray, np.ndarray]
-) -> dict[str, str]:
-    """The stroke as data: its centre line and widths, without the points that lie between their neighbours anyway."""
-    strokes = drawing.strokes
-    rows = slice(strokes.offsets[i], strokes.offsets[i + 1])
-    xy, width = strokes.xy[rows], strokes.thickness[rows]
-    along, bends, knots = (part[rows] for part in knots)
-    bends, knots = np.flatnonzero(bends), np.flatnonzero(knots)
-    # widths by arc length where they are few, else one for each point: what is shorter
-    t = numbers(units(along[knots] / max(along[-1], 1e-12), 5), 5)
-    pairs = " ".join(f"{a},{b}" for a, b in zip(t, numbers(units(width[knots], 3), 3), strict=True))
-    path = polyline_path(xy[bends], decimals)
-    both = np.union1d(bends, knots)
-    each = " ".join(numbers(units(width[both], 3), 3))
-    path_of_both = polyline_path(xy[both], decimals)
-    if len(path_of_both) + len(each) <= len(path) + len(pairs):
-        path, pairs = path_of_both, each
+def _data(drawing: Drawing, i: int, decimals: int, knots: _Knots) -> dict[str, str]:
+    """A stroke as data: its centre line, widths and colour."""
+    strokes, color = drawing.strokes, drawing.color[i]
+    path, widths = _line_data(strokes, i, decimals, knots)
     # the centre line is data, not a shape, so it is an open path even where the stroke is closed
-    data = {Data.CLASS: KINDS[strokes.kind[i]], Data.PATH: path, Data.WIDTH: pairs}
+    data = {Data.CLASS: KINDS[strokes.kind[i]], Data.PATH: path, Data.WIDTH: widths}
     if strokes.closed[i]:
         data[Data.CLOSED] = "1"
-    data["fill"] = hex_color(drawing.color[i, :3])
-    if drawing.color[i, 3] < 0.9995:
-        data["fill-opacity"] = number(drawing.color[i, 3], 3)
+    data["fill"] = hex_color(color[:3])
+    if color[3] < 0.9995:
+        data["fill-opacity"] = number(color[3], 3)
     return data
 
 
+def _line_data(strokes: Strokes, i: int, decimals: int, knots: _Knots) -> tuple[str, str]:
+    """A centre line and its widths without the points that lie between their neighbours anyway.
+
+    Widths by arc length where they are few, else one for each point: what is shorter.
+    """
+    rows = strokes.rows(i)
+    xy, width = strokes.xy[rows], strokes.thickness[rows]
+    along, bends, places = knots.of(rows)
+    share = numbers(units(along[places] / max(along[-1], 1e-12), SHARE_DECIMALS), SHARE_DECIMALS)
+    pairs = " ".join(f"{a},{b}" for a, b in zip(share, _widths(width[places]), strict=True))
+    path = polyline_path(xy[bends], decimals)
+    both = np.union1d(bends, places)
+    path_of_both, each = polyline_path(xy[both], decimals), " ".join(_widths(width[both]))
+    if len(path_of_both) + len(each) <= len(path) + len(pairs):
+        return path_of_both, each
+    return path, pairs
+
+
+def _widths(width: np.ndarray) -> list[str]:
+    return numbers(units(width, WIDTH_DECIMALS), WIDTH_DECIMALS)
+
+
 def _edge_at(line: np.ndarray) -> str:
-    """`data-ss-at`: where a stroke's first shape is, by the landmarks of its edge (n, 2), and the area within."""
+    """Tell where a stroke's first shape is: the landmarks of its edge (n, 2), and the area within."""
     return f"{_at(landmarks(line))} {number(enclosed(line), 2)}"
 
 
 def _at(places: np.ndarray) -> str:
     """Landmarks or the corners of an image, (4, 2), as text."""
-    x, y = (numbers(units(column, 3), 3) for column in places.T)
+    x, y = (numbers(units(column, LANDMARK_DECIMALS), LANDMARK_DECIMALS) for column in places.T)
     return " ".join(f"{a},{b}" for a, b in zip(x, y, strict=True))
