@@ -1,4 +1,7 @@
-"""Page sizes, metadata, options kept in the file; plotter files and PowerStrokes; the Nu checker where it is found."""
+"""Page sizes, metadata, options kept in the file; plotter files and PowerStrokes.
+
+The Nu checker where it is found.
+"""
 
 import io
 import os
@@ -152,7 +155,7 @@ def test_options_that_a_file_keeps_are_those_it_was_written_with_and_no_others()
     ) == SvgOptions(texture="none")
 
 
-# ------------------------------------------------------------------------------------------------------- lines only
+# --------------------------------------------------------------------------------------- lines only
 
 
 def test_lines_are_fitted_within_the_tolerance_and_keep_ends_and_corners():

@@ -1,4 +1,7 @@
-"""Strokes that were read and not changed are written as they were; what was changed is drawn anew."""
+"""Strokes that were read and not changed are written as they were.
+
+What was changed is drawn anew.
+"""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Tones: regions against the texture they stand for, on strokes where laying goes wrong if anything does."""
+"""Tones: regions against the texture they stand for, on strokes that are hard to lay."""
 
 import numpy as np
 import pytest

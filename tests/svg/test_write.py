@@ -1,4 +1,4 @@
-"""SVG text: its structure read back with ElementTree, its picture rendered by resvg against our own raster."""
+"""SVG text: its structure by ElementTree, and its picture by resvg against our own raster."""
 
 import base64
 import gzip
@@ -267,7 +267,7 @@ def test_text_that_xml_cannot_hold_is_left_out():
     assert printable("a\x00\x0bb\ud800c\ufffe\n\U0001f58c") == "abc\n\U0001f58c"
 
 
-# ------------------------------------------------------------------------------------------------------------ parts
+# -------------------------------------------------------------------------------------------- parts
 
 
 def groups(element, depth=0):
@@ -320,7 +320,8 @@ def test_a_layer_for_every_part_and_in_it_one_for_every_kind():
         part: [(1, f"layer-{kind}-{part}", kind) for kind in kinds] for part in ("cup", "handle")
     }
     assert groups(root) == [
-        *loose, (0, "part-cup", "cup"), *inner["cup"], (0, "part-handle", "handle"), *inner["handle"],
+        *loose, (0, "part-cup", "cup"), *inner["cup"],
+        (0, "part-handle", "handle"), *inner["handle"],
     ]  # fmt: skip
     flat = ET.fromstring(write_svg(in_parts(), layers="none"))
     assert not groups(flat) and sum(e.get("data-ss-part") is not None for e in flat) == 8
@@ -393,10 +394,12 @@ def test_plain_curves_by_kind_and_part(tmp_path):
     hidden = Curves.from_list(lines[:2], [0, 2])
     text = plain_svg(seen, (60, 50), parts=parts, hidden=hidden, hidden_parts=parts.take([0, 1]))
     assert groups(ET.fromstring(text)) == [
-        (0, "layer-hidden-crease", "hidden-crease"), (1, "layer-hidden-crease-left-ridge", "left ridge"),
+        (0, "layer-hidden-crease", "hidden-crease"),
+        (1, "layer-hidden-crease-left-ridge", "left ridge"),
         (0, "layer-hidden-contour", "hidden-contour"), (1, "layer-hidden-contour-b", "b"),
         (0, "layer-ridge", "ridge"), (1, "layer-ridge-b", "b"),
-        (0, "layer-contour", "contour"), (1, "layer-contour-left-ridge", "left ridge"), (1, "layer-contour-b", "b"),
+        (0, "layer-contour", "contour"), (1, "layer-contour-left-ridge", "left ridge"),
+        (1, "layer-contour-b", "b"),
     ]  # fmt: skip
     with_parts, without = rendered(text), rendered(plain_svg(seen, (60, 50), hidden=hidden))
     assert np.array_equal(with_parts, without)

@@ -23,7 +23,10 @@ EFFECT = "lpe-"  # and the stroke's id: the id of its path effect
 
 
 def plotter_svg(drawing: Drawing, options: SvgOptions) -> str:
-    """Write centre lines only, in mm: no fill, image or clip; layers are numbered as plotter software wants them."""
+    """Write centre lines only, in mm: no fill, image or clip.
+
+    Layers are numbered as plotter software wants them.
+    """
     page = Page.in_mm(drawing.size, options)
     order = paint_order(drawing, options.layers).tolist()
     style = {
@@ -76,7 +79,8 @@ class PowerStroke(NamedTuple):
 def power_strokes(drawing: Drawing, options: SvgOptions, index: list[int]) -> list[PowerStroke]:
     """Give strokes `index` as PowerStrokes.
 
-    Other programs show the outline that we wrote; Inkscape makes its own of these once the stroke is touched.
+    Other programs show the outline that we wrote; Inkscape makes its own of these once the stroke
+    is touched.
     """
     strokes = drawing.strokes
     lines = fit_lines(strokes.xy, strokes.offsets, LINE_SLACK)
@@ -105,14 +109,15 @@ def _offset_points(strokes: Strokes, i: int, rows: np.ndarray) -> str:
 
 
 def effect(name: str, offset_points: str) -> Element:
-    """Inkscape's path effect of a stroke."""
+    """Give Inkscape's path effect of the stroke of an id."""
     return Element(
         "inkscape:path-effect",
         {
             "effect": "powerstroke", "id": EFFECT + name, "is_visible": "true", "lpeversion": "1.3",
             "scale_width": "1", "interpolator_type": "CubicBezierJohan", "interpolator_beta": "0.2",
-            "start_linecap_type": "round", "end_linecap_type": "round", "linejoin_type": "round", "miter_limit": "4",
-            "sort_points": "true", "not_jump": "false", "offset_points": offset_points,
+            "start_linecap_type": "round", "end_linecap_type": "round", "linejoin_type": "round",
+            "miter_limit": "4", "sort_points": "true", "not_jump": "false",
+            "offset_points": offset_points,
         },
     )  # fmt: skip
 

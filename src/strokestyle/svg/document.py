@@ -16,7 +16,7 @@ from .markup import Element, number, printable
 
 @dataclass(frozen=True)
 class Page:
-    """A page: its sides in mm, and the part of the plane that it shows, in user units, x y width height."""
+    """A page: its sides in mm, and the box of user units that it shows, "x y width height"."""
 
     width: float
     height: float
@@ -24,7 +24,10 @@ class Page:
 
     @classmethod
     def of_canvas(cls, size: tuple[int, int], options: SvgOptions) -> Page:
-        """The page for a canvas (width, height), whose pixels are user units: the canvas, or fitted and centred."""
+        """The page for a canvas (width, height), whose pixels are user units.
+
+        The canvas itself, or the canvas fitted into a page of another size and centred.
+        """
         width, height = size
         sides = page_size_mm(options.page_size, size)
         if sides is None:
@@ -54,7 +57,8 @@ def document(
     Parameters
     ----------
     content : layers or strokes, in painting order
-    data : attributes of the root besides, as `drawing_data` gives them for a file that is to be read back
+    data : attributes of the root besides, as `drawing_data` gives them for a file that is to be
+        read back
     effects : Inkscape's path effects, which paths in `content` name
     """
     from .tree import Document  # svgwrite takes 50 ms to import
@@ -79,7 +83,10 @@ def document(
 def drawing_data(
     size: tuple[int, int], page: Page, options: SvgOptions, parts: Sequence[str]
 ) -> dict[str, str]:
-    """What the root says of a drawing, so that it can be read back; `parts` are the shape's, in painting order."""
+    """What the root says of a drawing, so that it can be read back.
+
+    `parts` are the shape's, in painting order.
+    """
     data = {
         Data.SIZE: f"{size[0]} {size[1]}",
         Data.PAGE: page.box,
@@ -95,7 +102,7 @@ def drawing_data(
 
 @dataclass(frozen=True)
 class LayerItem:
-    """The element of a stroke or a curve, its kind, and the part of the shape that it belongs to, "" for none."""
+    """The element of a stroke or a curve, its kind, and the part that it is of, "" for none."""
 
     element: Element
     kind: str
@@ -119,7 +126,8 @@ def layered(
 
     Parameters
     ----------
-    layers : "kind" or "part", as in SvgOptions; where there are parts, what is of none lies in a layer of its kind
+    layers : "kind" or "part", as in SvgOptions; where there are parts, what is of none lies in a
+        layer of its kind
     style : attributes of the outer layers
     prefix : of the names of kinds
     numbered : labels of the outer layers begin with 1, 2 ...
@@ -140,7 +148,7 @@ def layered(
 def _inner_layers(
     members: Iterable[LayerItem], place: tuple[str, str], prefix: str, slugs: dict[str, str]
 ) -> list[Element]:
-    """What lies in an outer layer of (part, kind): its items, and layers of those of another part or kind."""
+    """What lies in an outer layer: items of its (part, kind), and layers of those of another."""
     inside: list[Element] = []
     for (part, kind), mine in groupby(members, lambda item: (item.part, item.kind)):
         elements = [item.element for item in mine]

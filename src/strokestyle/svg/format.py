@@ -1,10 +1,11 @@
-"""The file format: options, names, units, licences, namespaces, and the data attributes that make a stroke readable."""
+"""The file format: options, names, units, and the attributes that make a stroke readable."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import quote, unquote
 
 FORMAT = 3
@@ -13,8 +14,9 @@ TEXTURES = ("auto", "vector", "image", "none")
 MAX_TONES = 8
 LAYERS = ("kind", "part", "none")
 PAPERS = {  # mm, upright
-    "A0": (841, 1189), "A1": (594, 841), "A2": (420, 594), "A3": (297, 420), "A4": (210, 297), "A5": (148, 210),
-    "A6": (105, 148), "LETTER": (215.9, 279.4), "LEGAL": (215.9, 355.6), "TABLOID": (279.4, 431.8),
+    "A0": (841, 1189), "A1": (594, 841), "A2": (420, 594), "A3": (297, 420), "A4": (210, 297),
+    "A5": (148, 210), "A6": (105, 148),
+    "LETTER": (215.9, 279.4), "LEGAL": (215.9, 355.6), "TABLOID": (279.4, 431.8),
 }  # fmt: skip
 
 UNITS = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "px": MM_PER_PX}
@@ -36,7 +38,10 @@ RDF_NAMESPACES = {
 
 
 class Data:
-    """Names of the attributes that say what a file of ours draws; docs/svg-format.md says what each means."""
+    """Names of the attributes that say what a file of ours draws.
+
+    docs/svg-format.md says what each means.
+    """
 
     # of the root
     FORMAT = "data-ss-format"
@@ -132,21 +137,24 @@ class SvgOptions:
 
     Parameters
     ----------
-    texture : "none": a filled outline per stroke in its flat ink. "vector": the texture in a few tones, as paths.
-        "image": a raster of each stroke. "auto": vector for grain in one ink, image for soft or coloured texture, else
-        none.
+    texture : "none": a filled outline per stroke in its flat ink. "vector": the texture in a few
+        tones, as paths. "image": a raster of each stroke. "auto": vector for grain in one ink,
+        image for soft or coloured texture, else none.
     tones : how many, 1 to 8, of "vector"
     texture_res : pixels of those rasters per pixel of the drawing
     decimals : of every coordinate
     tolerance : pixels between an outline and the exact one
-    layers : "kind", one group (an Inkscape layer) per line kind, and in it one for each named part of the shape;
-        "part", one per part, and in it one for each kind; "none", the strokes lie in the root, in painting order
+    layers : "kind", one group (an Inkscape layer) per line kind, and in it one for each named part
+        of the shape; "part", one per part, and in it one for each kind; "none", the strokes lie in
+        the root, in painting order
     title, description, author : words about the drawing
     license : the name of a Creative Commons licence (LICENSES), a URL, or other words
-    background : "#rrggbb" or a CSS colour's name for a rectangle behind everything; None leaves the page clear
-    page_size : a name of PAPERS, turned as the canvas lies, or "WxHmm" (cm, in, pt, px); the canvas is fitted into it
-        and centred. None: the canvas, at 96 pixels an inch
-    inkscape_lpe : flat strokes are PowerStrokes besides: other programs show our outline, Inkscape edits the widths
+    background : "#rrggbb" or a CSS colour's name for a rectangle behind everything; None leaves the
+        page clear
+    page_size : a name of PAPERS, turned as the canvas lies, or "WxHmm" (cm, in, pt, px); the canvas
+        is fitted into it and centred. None: the canvas, at 96 pixels an inch
+    inkscape_lpe : flat strokes are PowerStrokes besides: other programs show our outline, Inkscape
+        edits the widths
     plotter : centre lines only, in mm; nothing can be read back from such a file
 
     Raises
@@ -177,13 +185,15 @@ class SvgOptions:
             raise ValueError(f"tones must lie between 1 and {MAX_TONES}, got {self.tones}")
         if not 0.1 <= self.texture_res <= 16:
             raise ValueError(
-                f"the texture's resolution must lie between 0.1 and 16 px per px, got {self.texture_res}"
+                "the texture's resolution must lie between 0.1 and 16 px per px, "
+                f"got {self.texture_res}"
             )
         if not 0 <= self.decimals <= 6:
             raise ValueError(f"decimals must lie between 0 and 6, got {self.decimals}")
         if not 0 < self.tolerance <= 100:
             raise ValueError(
-                f"the tolerance of an outline must lie above 0 and below 100 px, got {self.tolerance}"
+                "the tolerance of an outline must lie above 0 and below 100 px, "
+                f"got {self.tolerance}"
             )
         if self.layers not in LAYERS:
             raise ValueError(f"layers must be one of {', '.join(LAYERS)}, got {self.layers!r}")
@@ -206,8 +216,11 @@ class SvgOptions:
 
     @classmethod
     def from_text(cls, text: str, **known) -> SvgOptions:
-        """The options that `to_text` wrote; names and values that this version does not know are left out."""
-        types = {
+        """The options that `to_text` wrote.
+
+        Names and values that this version does not know are left out.
+        """
+        types: dict[str, Callable[[str], Any]] = {
             "texture_res": float,
             "tolerance": float,
             "decimals": int,
@@ -235,13 +248,16 @@ DEFAULTS = {field.name: field.default for field in fields(SvgOptions)}
 
 
 def check_color(text: str) -> None:
-    """Raise ValueError unless `text` is #rgb, #rrggbb or a word, as the names of CSS colours are."""
+    """Raise ValueError unless `text` is #rgb, #rrggbb or a word, as names of CSS colours are."""
     if not re.fullmatch(r"#[0-9a-fA-F]{3}|#[0-9a-fA-F]{6}|[a-zA-Z]{1,30}", text):
         raise ValueError(f"a colour is #rrggbb or a name such as ivory, got {text!r}")
 
 
 def page_size_mm(name: str | None, size: tuple[int, int]) -> tuple[float, float] | None:
-    """A page size as (width, height) in mm, for a canvas of `size`; None stays None. Raises ValueError."""
+    """A page size as (width, height) in mm, for a canvas of `size`; None stays None.
+
+    Raises ValueError.
+    """
     if name is None:
         return None
     if name.upper() in PAPERS:
@@ -250,12 +266,8 @@ def page_size_mm(name: str | None, size: tuple[int, int]) -> tuple[float, float]
     match = re.fullmatch(
         r"([0-9]+\.?[0-9]*)x([0-9]+\.?[0-9]*)(mm|cm|in|pt|px)", name.strip().lower()
     )
-    page = (
-        tuple(float(value) * UNITS[match[3]] for value in match.groups()[:2])
-        if match
-        else (0.0, 0.0)
-    )
-    if not all(1.0 <= side <= 100_000 for side in page):
+    across, down = (float(match[k]) * UNITS[match[3]] if match else 0.0 for k in (1, 2))
+    if not all(1.0 <= side <= 100_000 for side in (across, down)):
         names = ", ".join(key.title() for key in PAPERS)
         raise ValueError(f"a page size is one of {names}, or for instance 210x297mm; got {name!r}")
-    return page
+    return across, down

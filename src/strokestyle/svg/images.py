@@ -1,4 +1,4 @@
-"""The texture of strokes as pixels: one palette PNG a stroke, whose opacity is the stroke's shape."""
+"""The texture of strokes as pixels: a palette PNG a stroke, whose opacity is its shape."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class StrokeImage:
 def stroke_images(
     drawing: Drawing, index: np.ndarray, resolution: float, ink: Inks
 ) -> Iterator[StrokeImage | None]:
-    """Paint the strokes of `index` one by one, `resolution` pixels a pixel; None where nothing shows.
+    """Paint the strokes of `index` one by one; None where nothing shows.
 
-    `ink` are the inks of all strokes.
+    `resolution` is in pixels of the image a px of the drawing, `ink` are the inks of all strokes.
     """
     texture = drawing.texture
     assert texture is not None  # as there are inks
@@ -61,15 +61,20 @@ def stroke_images(
         if not ink.plain[i]:
             picture, palette = used(picture, palette)
         size = picture.shape[1], picture.shape[0]
-        box = np.array([crop.x0 + x, crop.y0 + y, *size]) / resolution
+        left, upper, width, height = (
+            np.array([crop.x0 + x, crop.y0 + y, *size]) / resolution
+        ).tolist()
         png = encode_png(picture, np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8))
-        yield StrokeImage(*box.tolist(), png)
+        yield StrokeImage(left, upper, width, height, png)
 
 
 def _in_one_ink(
     opacity: np.ndarray, ink: np.ndarray, grain: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Opacities (M,) as places (M,) uint8 in a palette (n, 4) of an ink; a faint stroke has as many levels."""
+    """Opacities (M,) as places (M,) uint8 in a palette (n, 4) of an ink.
+
+    A faint stroke has as many levels.
+    """
     levels = IMAGE_LEVELS_GRAIN if grain > GRAIN else IMAGE_LEVELS_SOFT
     most = float(opacity.max())
     place = np.rint(opacity / most * (levels - 1)).astype(np.uint8)
@@ -77,7 +82,7 @@ def _in_one_ink(
 
 
 def _cropped(place: np.ndarray, pixel: np.ndarray, width: int) -> tuple[np.ndarray, int, int]:
-    """The smallest picture (h, w) that holds values at pixels of one `width` px wide, and where it lies there."""
+    """The smallest picture (h, w) of values at pixels of one `width` px wide, and where it lies."""
     y, x = np.divmod(pixel, width)
     left, upper = x.min(), y.min()
     picture = np.zeros((np.ptp(y) + 1, np.ptp(x) + 1), np.uint8)

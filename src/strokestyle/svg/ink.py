@@ -1,4 +1,4 @@
-"""What the ink of a texture is like, read off its strips: its colour, whether it is one, and whether it is grain."""
+"""What the ink of a texture is like: its colour, whether it is one, and whether it is grain."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ MUCH_THE_SAME = (
 
 @dataclass(frozen=True)
 class Inks:
-    """Parameters
+    """What the ink of each stroke is like, read off its strip.
+
+    Parameters
     ----------
     color : (C, 3) float64 in [0, 1], the mean ink of each stroke
     spread : (C,) float64, how far colours lie from that ink (rms, of 1)
@@ -48,7 +50,7 @@ class Inks:
 
 
 def inks(texture: Texture) -> Inks:
-    """The inks of every stroke's strip."""
+    """Measure the ink of every stroke's strip."""
     count, own = len(texture.offsets) - 1, owner(texture.offsets)
     alpha = texture.rgba[..., 3].astype(np.float32) / 255.0
     square = np.zeros(count)

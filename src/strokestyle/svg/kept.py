@@ -56,7 +56,7 @@ def shaping_options(options: SvgOptions) -> tuple:
 
 
 def stroke_digest(drawing: Drawing, i: int) -> bytes:
-    """A digest of stroke i: its line, widths, colour, kind and margin, and how many texels lie along it."""
+    """Give a digest of stroke i: line, widths, colour, kind, margin, and texels along it."""
     strokes, texture = drawing.strokes, drawing.texture
     rows = strokes.rows(i)
     texels, margin = -1, 0.0
@@ -72,7 +72,10 @@ def stroke_digest(drawing: Drawing, i: int) -> bytes:
 def keep_strokes(
     drawing: Drawing, drawn: Iterable[DrawnStroke | None], options: SvgOptions
 ) -> dict[bytes, tuple[KeptStroke, ...]]:
-    """What `kept_strokes` needs of a drawing that was read; `drawn` has None for a stroke to be drawn anew."""
+    """What `kept_strokes` needs of a drawing that was read.
+
+    `drawn` has None for a stroke to be drawn anew.
+    """
     kept: dict[bytes, tuple[KeptStroke, ...]] = {}
     by = shaping_options(options)
     for i, stroke in enumerate(drawn):
@@ -105,8 +108,9 @@ def _strip(drawing: Drawing, i: int) -> np.ndarray | None:
 def _is_same_strip(strip: np.ndarray | None, was: np.ndarray | None) -> bool:
     """Whether a strip is the one that it was, on as many columns or on more.
 
-    Where an edit of other strokes needs more columns, all strips are interpolated on these, perhaps more than once:
-    then each texel lies between those that are around its place in the strip that it was.
+    Where an edit of other strokes needs more columns, all strips are interpolated on these, perhaps
+    more than once: then each texel lies between those that are around its place in the strip that
+    it was.
     """
     if strip is None or was is None:
         return strip is was

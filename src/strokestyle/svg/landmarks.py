@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -26,7 +27,7 @@ def first_line(d: str) -> np.ndarray:
     return fine_line(subpaths[0])
 
 
-def fine_line(segments: list[Segment]) -> np.ndarray:
+def fine_line(segments: Sequence[Segment] | np.ndarray) -> np.ndarray:
     """A subpath as a polyline (n, 2) of eight pieces a segment."""
     p = np.array(segments).reshape(-1, 1, 4, 2)
     t = (np.arange(8) + 1)[:, None] / 8

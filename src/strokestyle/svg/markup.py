@@ -18,7 +18,10 @@ class Element:
 
 
 def printable(text: str) -> str:
-    """Leave out what XML 1.0 cannot hold; markup characters are escaped where text is made of a tree."""
+    """Leave out what XML 1.0 cannot hold.
+
+    Markup characters are escaped where text is made of a tree.
+    """
     return "".join(
         c
         for c in text
@@ -26,7 +29,7 @@ def printable(text: str) -> str:
     )
 
 
-# ------------------------------------------------------------------------------------------------------- numbers
+# ------------------------------------------------------------------------------------------ numbers
 
 
 def number(value: float, decimals: int) -> str:
@@ -56,7 +59,7 @@ def _units_text(value: int, decimals: int) -> str:
     )  # a drawing's steps are alike: most were told before
 
 
-# --------------------------------------------------------------------------------------------------------- paths
+# -------------------------------------------------------------------------------------------- paths
 
 
 def rings_path(rings: list[np.ndarray], decimals: int = 2) -> str:
@@ -72,7 +75,10 @@ def rings_path(rings: list[np.ndarray], decimals: int = 2) -> str:
 
 
 def polyline_path(xy: np.ndarray, decimals: int = 2, closed: bool = False) -> str:
-    """A polyline (n, 2) as path data with relative coordinates; a closed one repeats its first point, which z draws."""
+    """A polyline (n, 2) as path data with relative coordinates.
+
+    A closed one repeats its first point, which z draws.
+    """
     points = units(xy[:-1] if closed and len(xy) > 2 else xy, decimals)
     head, steps = numbers(points[0], decimals), numbers(np.diff(points, axis=0), decimals)
     return f"M{head[0]} {head[1]}l{' '.join(steps)}{'z' if closed else ''}".replace(" -", "-")

@@ -46,7 +46,7 @@ class Quantiser:
 
 
 def used(index: np.ndarray, palette: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """An image of places in a palette and that palette, without the colours that it does not use."""
+    """Drop the colours of a palette that an image of places in it does not use."""
     kept, compact = np.zeros(len(palette), bool), np.zeros(len(palette), np.uint8)
     kept[np.unique(index)] = True
     compact[kept] = np.arange(kept.sum())
@@ -56,7 +56,8 @@ def used(index: np.ndarray, palette: np.ndarray) -> tuple[np.ndarray, np.ndarray
 def quantise(color: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Choose at most `count` colours for premultiplied pixels (M, 4), by weighted k-means.
 
-    Returns each pixel's place (M,) uint8 among them, and the colours (K, 4), straight RGBA in [0, 1].
+    Returns each pixel's place (M,) uint8 among them, and the colours (K, 4), straight RGBA
+    in [0, 1].
     """
     grid = np.rint(color * 63).astype(np.int64)
     code = ((grid[:, 0] * 64 + grid[:, 1]) * 64 + grid[:, 2]) * 64 + grid[:, 3]
@@ -79,7 +80,7 @@ def quantise(color: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _first_centres(color: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
-    """None and colours evenly spread over those that there are, along the axis on which they differ most."""
+    """No colour, and some evenly spread along the axis on which those given differ most."""
     mean = (weight[:, None] * color).sum(axis=0) / weight.sum()
     spread = (color - mean) * np.sqrt(weight)[:, None]
     axis = np.linalg.eigh(spread.T @ spread)[1][:, -1]
@@ -91,5 +92,8 @@ def _first_centres(color: np.ndarray, weight: np.ndarray, count: int) -> np.ndar
 
 
 def nearest(colors: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """The centre (K, d) nearest to each colour (M, d), (M,): least of |c|^2 - 2 x.c, which one matrix product gives."""
+    """Find the centre (K, d) nearest to each colour (M, d), (M,).
+
+    It is the least of |c|^2 - 2 x.c, which one matrix product gives.
+    """
     return (np.square(centres).sum(axis=1) - 2.0 * colors @ centres.T).argmin(axis=1)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import solveh_banded
 
 from ..drawing.strip import texel_places
-from ..drawing.strokes import Drawing
+from ..drawing.strokes import Drawing, Strokes, Texture
 from .format import LIMITS, STRIP_COLORS, STRIP_LEVELS
 from .palette import quantise
 from .png import encode_png, read_png
@@ -19,31 +20,43 @@ ONE_INK = (
 SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
 
 
-def strips_png(drawing: Drawing, index=None, levels: int = STRIP_LEVELS) -> list[bytes]:
-    """The strips of all strokes, or of those of `index`, as PNG.
+def strips_png(
+    drawing: Drawing, index: Sequence[int] | np.ndarray, levels: int = STRIP_LEVELS
+) -> list[bytes]:
+    """Encode the strips of the strokes of `index` as PNGs.
 
-    x runs along the stroke, one texel a px; grey is opacity in the stroke's ink, in so many `levels`.
+    x runs along the stroke, one texel a px; grey is opacity in the stroke's ink, in so many
+    `levels`. Raises ValueError where the drawing has no texture.
     """
-    texture, made = drawing.texture, []
-    for i in range(len(drawing.strokes)) if index is None else np.asarray(index).tolist():
-        rows, columns = _size(drawing, i)
-        strip = texture.rgba[texture.offsets[i] : texture.offsets[i + 1]].astype(np.float64) / 255.0
+    texture = drawing.texture
+    if texture is None:
+        raise ValueError("the drawing has no texture whose strips could be told")
+    made = []
+    for i in np.asarray(index, np.int64).tolist():
+        size = _size(drawing.strokes, texture, i)
+        strip = texture.strip(i).astype(np.float64) / 255.0
         alpha = strip[..., 3]
         stray = np.square((strip[..., :3] - drawing.color[i, :3]) * alpha[..., None]).sum()
-        if stray <= 3 * ONE_INK**2 * max(np.square(alpha).sum(), 1e-9):
-            level = np.rint(np.clip(_smaller(alpha, rows, columns), 0, 1) * (levels - 1)) / (
-                levels - 1
-            )
-            made.append(encode_png(np.rint(15 * level).astype(np.uint8).T, None, 4))
-        else:
-            strip[..., :3] *= alpha[..., None]
-            small = np.stack([_smaller(strip[..., k], rows, columns) for k in range(4)], axis=-1)
-            small = np.clip(small, 0, 1)
-            small[..., :3] = np.minimum(small[..., :3], small[..., 3:])
-            place, palette = quantise(small.reshape(-1, 4), STRIP_COLORS - 1)
-            palette = np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)
-            made.append(encode_png(place.reshape(rows, columns).T, palette))
+        plain = stray <= 3 * ONE_INK**2 * max(np.square(alpha).sum(), 1e-9)
+        made.append(_grey_png(alpha, size, levels) if plain else _color_png(strip, size))
     return made
+
+
+def _grey_png(alpha: np.ndarray, size: tuple[int, int], levels: int) -> bytes:
+    """Opacities (n, A) in [0, 1] as a grey PNG of (rows, columns) texels in so many levels."""
+    level = np.rint(np.clip(_smaller(alpha, *size), 0, 1) * (levels - 1)) / (levels - 1)
+    return encode_png(np.rint(15 * level).astype(np.uint8).T, None, 4)
+
+
+def _color_png(strip: np.ndarray, size: tuple[int, int]) -> bytes:
+    """A strip (n, A, 4), straight RGBA in [0, 1], as a palette PNG of (rows, columns) texels."""
+    flat = np.concatenate([strip[..., :3] * strip[..., 3:], strip[..., 3:]], axis=2)
+    small = np.stack([_smaller(flat[..., k], *size) for k in range(4)], axis=-1)
+    small = np.clip(small, 0, 1)
+    small[..., :3] = np.minimum(small[..., :3], small[..., 3:])
+    place, palette = quantise(small.reshape(-1, 4), STRIP_COLORS - 1)
+    palette = np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8)
+    return encode_png(place.reshape(size).T, palette)
 
 
 def read_strip(
@@ -63,15 +76,13 @@ def read_strip(
     return np.ascontiguousarray(pixels.swapaxes(0, 1))
 
 
-def _size(drawing: Drawing, i: int) -> tuple[int, int]:
-    """(rows, columns) of the strip to keep: one texel a px, or as it is where it is not much finer."""
-    strokes, texture = drawing.strokes, drawing.texture
-    part = slice(strokes.offsets[i], strokes.offsets[i + 1])
+def _size(strokes: Strokes, texture: Texture, i: int) -> tuple[int, int]:
+    """(rows, columns) of the strip to keep: one texel a px, or as it is if not much finer."""
+    part, (rows, columns) = strokes.rows(i), texture.strip(i).shape[:2]
     half = 0.5 * strokes.thickness[part] + texture.margin[i]
     length = np.hypot(*np.diff(strokes.xy[part], axis=0).T).sum()
     if not strokes.closed[i]:
         length += half[0] + half[-1]
-    rows, columns = int(texture.offsets[i + 1] - texture.offsets[i]), texture.rgba.shape[1]
     return _fewer(rows, length), _fewer(columns, 2.0 * half.max())
 
 
@@ -80,7 +91,10 @@ def _fewer(texels: int, length: float) -> int:
 
 
 def _smaller(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """The (rows, columns) texels whose bilinear enlargement is nearest to `values` (n, A), by least squares."""
+    """The (rows, columns) texels whose bilinear enlargement is nearest to `values` (n, A).
+
+    By least squares.
+    """
     n, a = values.shape
     if columns < a:
         values = values @ _squeeze(a, columns)

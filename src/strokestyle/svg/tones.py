@@ -1,10 +1,10 @@
-"""The texture of strokes as true paths: regions of even tone, contoured in u and v and laid along the stroke.
+"""The texture of strokes as true paths: regions of even tone, laid along the stroke.
 
-Tones are nested, the lightest first: each is painted over the one before, and what shows through
-adds up to the opacity and colour that the texture has there on average. A region's edge is a closed
-uniform quadratic B-spline: its pieces meet in the middles of the sides of a polygon, so that path
-data needs one point a piece (`q`, then `t`). Its numbers are whole ones, of TONE_UNIT px: a third
-less text than decimals.
+They are contoured in u and v. Tones are nested, the lightest first: each is painted over the one
+before, and what shows through adds up to the opacity and colour that the texture has there on
+average. A region's edge is a closed uniform quadratic B-spline: its pieces meet in the middles of
+the sides of a polygon, so that path data needs one point a piece (`q`, then `t`). Its numbers are
+whole ones, of TONE_UNIT px: a third less text than decimals.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class Tones:
 class Contours(NamedTuple):
     """Closed contours of tones.
 
-    `xy` (M, 2) are points in px, contour r is rows offsets[r]:offsets[r+1]; `stroke` and `tone` (R,)
-    say whose it is.
+    `xy` (M, 2) are points in px, contour r is rows offsets[r]:offsets[r+1]; `stroke` and `tone`
+    (R,) say whose it is.
     """
 
     xy: np.ndarray
@@ -104,7 +104,7 @@ def tones(
 
 
 def _painted_opacity(level: np.ndarray) -> np.ndarray:
-    """The opacities (C, K) of tones, each painted over those before, that add up to `level` (C, K)."""
+    """The opacities (C, K) of tones, each over those before, that add up to `level` (C, K)."""
     clear = 1.0 - np.concatenate([np.zeros((len(level), 1)), level], axis=1)
     return np.clip(1.0 - clear[:, 1:] / np.maximum(clear[:, :-1], 1e-6), 0, 1)
 
@@ -133,14 +133,14 @@ def _contours(
     )
 
 
-# ------------------------------------------------------------------------------------------------------------- tone
+# --------------------------------------------------------------------------------------------- tone
 
 
 class _Levels(NamedTuple):
     """What the tones of each stroke are.
 
-    `level` (C, K) is the opacity that they add up to, `threshold` (C, K) that above which a texel is
-    of a tone, and `color` (C, K, 3) what each is painted with.
+    `level` (C, K) is the opacity that they add up to, `threshold` (C, K) that above which a texel
+    is of a tone, and `color` (C, K, 3) what each is painted with.
     """
 
     level: np.ndarray
@@ -171,9 +171,9 @@ def _levels(
 
 
 def _refined(histogram: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Move levels (C, K) to the means of what is nearest to them, four times; the thresholds between.
+    """Move levels (C, K) to the means of what is nearest to them; the thresholds between.
 
-    Then raise all until the stroke is as dark as its texture, by a quarter at most.
+    Four times. Then raise all until the stroke is as dark as its texture, by a quarter at most.
     """
     value = np.arange(256) / 255.0
     nothing, row = np.zeros((len(histogram), 1)), np.arange(len(histogram))[:, None]
@@ -195,7 +195,7 @@ def _refined(histogram: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _distinct(level: np.ndarray, threshold: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Levels and thresholds (C, K), those that repeat the level before put last and out of reach."""
+    """Levels and thresholds (C, K), those that repeat the one before last and out of reach."""
     same = np.diff(level, axis=1, prepend=0.0) < 1.0 / 255.0
     row, last = np.arange(len(level))[:, None], np.argsort(same, axis=1, kind="stable")
     level, threshold = level[row, last], np.where(same, OUT_OF_REACH, threshold)[row, last]
@@ -203,7 +203,7 @@ def _distinct(level: np.ndarray, threshold: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _mean_colors(rgba: np.ndarray, key: np.ndarray, default: np.ndarray) -> np.ndarray:
-    """The mean colour (G, 3) in [0, 1] of each group of texels, `default` (G, 3) where none shows."""
+    """The mean colour (G, 3) in [0, 1] of groups of texels, `default` (G, 3) where none shows."""
     weight = rgba[..., 3].reshape(-1).astype(np.float64)
     total = np.bincount(key, weight, len(default))
     sums = [np.bincount(key, weight * rgba[..., c].reshape(-1), len(default)) for c in range(3)]
@@ -227,7 +227,7 @@ def _painted_color(level: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 
 
 class _Sums(NamedTuple):
-    """Texels below each bin (C, COARSE_BINS + 1), their opacities, and the squares of these, summed."""
+    """Sums (C, COARSE_BINS + 1) over the texels below each bin: of one, opacity, its square."""
 
     number: np.ndarray
     mass: np.ndarray
@@ -237,7 +237,8 @@ class _Sums(NamedTuple):
 def _partitioned(histogram: np.ndarray, count: int) -> np.ndarray:
     """The mean opacities (C, K) of the parts in which histograms (C, 256) spread least.
 
-    There are K, above one of no opacity. By dynamic programming (Wang and Song 2011) over COARSE_BINS.
+    There are K, above one of no opacity. By dynamic programming (Wang and Song 2011) over
+    COARSE_BINS.
     """
     value = np.arange(256) / 255.0
     moments = np.stack([histogram, histogram * value, histogram * value * value])
@@ -286,14 +287,14 @@ def _rimmed(
     return field, grids
 
 
-# ------------------------------------------------------------------------------------------------------------ place
+# -------------------------------------------------------------------------------------------- place
 
 
 class _Frames(NamedTuple):
     """Where the rows of rimmed strips lie.
 
-    `xy` (H, 2) are their centres, px; `heading` (H,) is in radians, `half` (H,) the half width in px,
-    `curvature` (H,) in 1/px.
+    `xy` (H, 2) are their centres, px; `heading` (H,) is in radians, `half` (H,) the half width in
+    px, `curvature` (H,) in 1/px.
     """
 
     xy: np.ndarray
@@ -373,7 +374,7 @@ def _place(at: np.ndarray, frames: _Frames, columns: int) -> np.ndarray:
     return frame.xy + across[:, None] * normal
 
 
-# ---------------------------------------------------------------------------------------------------------- splines
+# ------------------------------------------------------------------------------------------ splines
 
 
 def _splines(
@@ -411,7 +412,7 @@ def _splines(
 
 
 def _largest_first(area: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """An order (R,) by group, the largest of each first: by it a reader tells how a stroke was moved."""
+    """An order (R,) by group, the largest of each first: it tells how a stroke was moved."""
     by_area = np.lexsort((-area, group))
     rank = np.ones(len(group))
     rank[by_area[np.diff(group[by_area], prepend=-1) > 0]] = 0
@@ -506,14 +507,14 @@ def _areas(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     return 0.5 * np.diff(cross[offsets])
 
 
-# ------------------------------------------------------------------------------------------------------------ paths
+# -------------------------------------------------------------------------------------------- paths
 
 
 class ToneShape(NamedTuple):
     """A tone of a stroke.
 
-    `color` (3,) lies in [0, 1]; `d` is path data in units of TONE_UNIT px, to be filled by the nonzero
-    rule; `edge` (n, 2) is its first ring as a fine polyline, px.
+    `color` (3,) lies in [0, 1]; `d` is path data in units of TONE_UNIT px, to be filled by the
+    nonzero rule; `edge` (n, 2) is its first ring as a fine polyline, px.
     """
 
     color: np.ndarray

@@ -1,4 +1,4 @@
-"""SVG documents made with svgwrite: the only module that knows it, and where a file's text comes from."""
+"""SVG documents made with svgwrite: no other module knows it, or makes the text of a file."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Document(svgwrite.Drawing):
         (self if parent is None else parent).add(made)
 
     def get_xml(self) -> ElementTree.Element:
-        """The whole as a tree, every element on a line of its own: such files go under version control."""
+        """The whole as a tree, an element a line: such files go under version control."""
         root = super().get_xml()
         for name in UNUSED:
             del root.attrib[name]

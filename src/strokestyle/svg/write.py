@@ -1,4 +1,7 @@
-"""Drawing -> SVG that illustrators keep working in. docs/svg-format.md says what its attributes mean."""
+"""Write drawings as SVG that illustrators keep working in.
+
+docs/svg-format.md says what its attributes mean.
+"""
 
 from __future__ import annotations
 
@@ -66,11 +69,12 @@ def write_svg(
     Parameters
     ----------
     options : how to write it
-    ids : (C,) names for the strokes; those that are empty, repeated or no names are made new. None: s000, s001 ... in
-        painting order
-    kept : `SvgFile.kept` of the file that the drawing comes from: strokes that nobody changed since are written as
-        they were in it
-    strips : write every stroke's strip, as `data-ss-strip` where it can be read off what is drawn: for `page_html`
+    ids : (C,) names for the strokes; those that are empty, repeated or no names are made new. None:
+        s000, s001 ... in painting order
+    kept : `SvgFile.kept` of the file that the drawing comes from: strokes that nobody changed since
+        are written as they were in it
+    strips : write every stroke's strip, as `data-ss-strip` where it can be read off what is drawn:
+        for `page_html`
     changes : fields of SvgOptions, in place of those of `options`
 
     Raises
@@ -126,8 +130,8 @@ def _told_strips(
 ) -> dict[int, dict[str, str]]:
     """The attribute that holds the strip of each stroke that needs one.
 
-    What is drawn shows the texture, and is where a reader finds it, but for strokes that lie on themselves; `every`:
-    the page, which does not read it there, wants those of the others too.
+    What is drawn shows the texture, and is where a reader finds it, but for strokes that lie on
+    themselves; `every`: the page, which does not read it there, wants those of the others too.
     """
     assert drawing.texture is not None  # asked of drawings whose texture is shown
     margin = drawing.texture.margin
@@ -226,12 +230,16 @@ def _overlaps(drawing: Drawing, i: int, margin: float) -> bool:
 def save_svg(
     path: str | Path, drawing: Drawing, options: SvgOptions | None = None, **changes
 ) -> None:
-    """`write_svg` to a file, whole or not at all; compressed where its suffix is .svgz. Raises OSError, naming it."""
+    """Write a drawing as `write_svg` does to a file, whole or not at all.
+
+    `changes` are further arguments of `write_svg`. The file is compressed where its suffix is
+    .svgz. Raises OSError, which names it.
+    """
     write_text(path, write_svg(drawing, options, **changes))
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """SVG text to an .svg or .svgz file, whole or not at all."""
+    """Write SVG text to an .svg or .svgz file, whole or not at all. Raises OSError."""
     data = text.encode("utf-8")
     if str(path).lower().endswith(".svgz"):
         data = gzip.compress(data, 9, mtime=0)
@@ -250,10 +258,10 @@ def plain_svg(
     parts: Parts | None = None,
     hidden_parts: Parts | None = None,
 ) -> str:
-    """Plain curves as SVG text: black lines 1 px wide, one path a curve, one Inkscape layer per line kind.
+    """Write plain curves as SVG text: black lines 1 px wide, one path a curve, a layer per kind.
 
-    Those that are `hidden` are thin and dashed, on layers of their own beneath: hidden-contour and so on. `parts` and
-    `hidden_parts`, of each curve, make a layer of each part in those.
+    Those that are `hidden` are thin and dashed, on layers of their own beneath: hidden-contour and
+    so on. `parts` and `hidden_parts`, of each curve, make a layer of each part in those.
     """
     options = SvgOptions(
         decimals=decimals, title=title, description=description, background=background
@@ -288,13 +296,16 @@ def _curve_items(
 
 
 def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#ffffff") -> bytes:
-    """SVG text -> PNG bytes at `scale` px a px, by resvg. Raises ValueError where resvg cannot read the text."""
+    """Draw SVG text as PNG bytes at `scale` px a px, by resvg.
+
+    Raises ValueError where resvg cannot read the text.
+    """
     return bytes(
         resvg_py.svg_to_bytes(svg_string=text, background=background, zoom=scale, dpi=96.0)
     )
 
 
-# ------------------------------------------------------------------------------- what fills a stroke, by encoding
+# ----------------------------------------------------------------- what fills a stroke, by encoding
 
 
 def _outlined(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
@@ -361,11 +372,11 @@ def _pictured(
         yield DrawnStroke(Element("g", at, (Element("image", given),)))
 
 
-# ------------------------------------------------------------------------------------------- a stroke, to be read back
+# ------------------------------------------------------------------------ a stroke, to be read back
 
 
 class _Knots(NamedTuple):
-    """Arc length (N,) px of strokes' points, and which of them (N,) bool centre lines and widths need."""
+    """Arc length (N,) px of points, and which of them (N,) bool centre lines and widths need."""
 
     along: np.ndarray
     bends: np.ndarray
@@ -373,7 +384,8 @@ class _Knots(NamedTuple):
 
     def of(self, rows: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of the points of one stroke: its arc length, and the places of those points."""
-        return self.along[rows], *(np.flatnonzero(v[rows]) for v in (self.bends, self.widths))
+        bends, widths = (np.flatnonzero(v[rows]) for v in (self.bends, self.widths))
+        return self.along[rows], bends, widths
 
 
 def _knots(strokes: Strokes) -> _Knots:
@@ -420,7 +432,7 @@ def _widths(width: np.ndarray) -> list[str]:
 
 
 def _edge_at(line: np.ndarray) -> str:
-    """Tell where a stroke's first shape is: the landmarks of its edge (n, 2), and the area within."""
+    """Tell where a stroke's first shape is: landmarks of its edge (n, 2), and the area within."""
     return f"{_at(landmarks(line))} {number(enclosed(line), 2)}"
 
 
