@@ -254,6 +254,10 @@ def test_strokes_as_tensors():
     interior[[n - 2, n - 1]] = False
     assert tensors.interior().tolist() == interior.tolist()
     assert float(thickness_of(torch.tensor(np.log(5.0 + HAIR)))) == pytest.approx(5.0)
+    below = torch.tensor([-9.0])
+    assert float(thickness_of(below)) < 0 and Traced(tensors.xy[:1], below).thickness.tolist() == [
+        0
+    ]
 
 
 def test_a_traced_stroke_is_believed_where_both_ways_of_seeing_agree():
