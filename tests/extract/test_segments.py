@@ -91,7 +91,7 @@ def test_the_contour_of_a_sphere_is_one_circle():
 def test_a_contour_keeps_the_facing_side_to_its_left():
     surface = make_surface(*shapes.sphere(3))
     eye = np.array([0.0, 0.0, 3.0])
-    segments = lines.contour_segments(surface, ViewFields.of(surface, eye), LineOptions())
+    segments = lines.contour_segments(surface, ViewFields.of(surface, eye), LineOptions()).shown
     points = segments.points(surface)
     left = np.cross(surface.face_normals[segments.face], points[:, 1] - points[:, 0])
     corner = surface.vertices[surface.faces[segments.face]] - points[:, :1]
@@ -437,8 +437,10 @@ def test_rtsc_draws_the_same_segments(name):
     front = (view.n_dot_v > 0)[surface.faces].any(axis=1)
     at = dict(suggestive=0.01, ridge=0.1, valley=0.1, apparent=0.1, sharpness=0.0)
     found = {
-        "contour": lines.contour_segments(surface, view, LineOptions(**at)),
-        "contour_untrimmed": lines.contour_segments(surface, view, LineOptions(**at, trim=False)),
+        "contour": lines.contour_segments(surface, view, LineOptions(**at)).shown,
+        "contour_untrimmed": lines.contour_segments(
+            surface, view, LineOptions(**at, trim=False)
+        ).shown,
         "suggestive": lines.suggestive_segments(surface, view, LineOptions(**at)),
         "apparent": lines.apparent_segments(surface, view, LineOptions(**at, trim=False)),
         "ridge": lines.ridge_segments(surface, LineOptions(**at)),
@@ -475,7 +477,13 @@ ALL = LineOptions(SURFACE_KINDS, ridge=0.1, smooth=0.0, hysteresis=0.0, sharpnes
 def test_chains_hold_all_segments_and_nothing_else():
     surface = bumpy()
     view = ViewFields.of(surface, camera().eye)
-    for kind, find in line_choice._VIEW_KINDS.items():
+    finders = {
+        "contour": lambda *given: lines.contour_segments(*given).shown,
+        "crease": lambda *given: lines.crease_segments(*given).shown,
+        "suggestive": lines.suggestive_segments,
+        "apparent": lines.apparent_segments,
+    }
+    for kind, find in finders.items():
         segments = find(surface, view, ALL)
         curves = feature_curves(
             surface, camera(), LineOptions((kind, "contour"), smooth=0.0, hysteresis=0.0)
@@ -740,4 +748,8 @@ def test_empty_curves():
 
 
 def test_lines_that_follow_the_camera_are_found_for_each_view():
-    assert {kind.name for kind in KIND_TABLE if kind.follows_camera} == set(line_choice._VIEW_KINDS)
+    assert {kind.name for kind in KIND_TABLE if kind.follows_camera} == {
+        "contour",
+        "crease",
+        *line_choice._SOFT_VIEW_KINDS,
+    }

@@ -10,7 +10,7 @@ from .surface_curves import SurfaceCurves
 
 
 def chain_segments(
-    surface: Surface, segments: Segments, up: np.ndarray, hysteresis: float
+    surface: Surface, segments: Segments, up: np.ndarray, hysteresis: float = 0.0
 ) -> SurfaceCurves:
     """Join segments end to end into the longest polylines.
 

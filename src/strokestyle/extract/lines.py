@@ -62,11 +62,32 @@ class SurfaceLines:
         What the surface hides is among them; parts of closed surfaces that face away are left out
         where a kind cannot be seen there.
         """
-        view = ViewFields.of(self.surface, camera.eye)
-        parts = [self._of_kind(kind, camera, view) for kind in _VIEW_KINDS if self._wants(kind)]
+        return self.split_from(camera)[0]
+
+    def split_from(
+        self, camera: Camera, unseen: bool = False
+    ) -> tuple[SurfaceCurves, SurfaceCurves]:
+        """Find the lines of `seen_from`, and apart from them the contours and creases left out there.
+
+        The second are chained where `unseen` is set; the shape hides them however one looks.
+        """
+        surface, options = self.surface, self.options
+        view = ViewFields.of(surface, camera.eye)
+        hard = []
+        if self._wants("contour"):
+            hard.append(contour_segments(surface, view, options))
+        if self._wants("crease"):
+            hard.append(crease_segments(surface, view, options, self.crease_edges))
+        parts = [chain_segments(surface, found.shown, camera.up) for found in hard]
+        for kind, find in _SOFT_VIEW_KINDS.items():
+            if self._wants(kind):
+                shown = ViewFields.of(self.smoothed, camera.eye)
+                parts.append(self._chained(kind, partial(find, self.smoothed, shown), camera.up))
         parts.append(self._facing(view))
         curves = self._without_duplicates(SurfaceCurves.concatenate(parts))
-        return curves.take(np.argsort(curves.kind, kind="stable"))
+        behind = [chain_segments(surface, found.unseen, camera.up) for found in hard if unseen]
+        order = np.argsort(curves.kind, kind="stable")
+        return curves.take(order), SurfaceCurves.concatenate(behind)
 
     @cached_property
     def bvh(self) -> Bvh:
@@ -111,7 +132,7 @@ class SurfaceLines:
         surface = self.surface
         uncut = np.setdiff1d(self.crease_edges, surface.cut_edges, assume_unique=True)
         segments = edge_segments(surface, uncut, "crease")
-        curves = chain_segments(surface, segments, np.array([0.0, 1.0, 0.0]), 0.0)
+        curves = chain_segments(surface, segments, np.array([0.0, 1.0, 0.0]))
         count = np.diff(curves.offsets)
         rows = np.repeat(count > DUPLICATE_EDGES, count)
         touched = np.zeros(len(surface.vertices), bool)
@@ -129,16 +150,6 @@ class SurfaceLines:
     def _shown(self, kind: str) -> Surface:
         return self.smoothed if kind in SOFT_KINDS else self.surface
 
-    def _of_kind(self, kind: str, camera: Camera, view: ViewFields) -> SurfaceCurves:
-        """The lines of a kind that follows the camera, whose eye sees the surface as in `view`."""
-        if kind == "crease":
-            find = partial(crease_segments, self.surface, view, edge=self.crease_edges)
-        else:
-            shown = self._shown(kind)
-            seen = view if shown is self.surface else ViewFields.of(shown, camera.eye)
-            find = partial(_VIEW_KINDS[kind], shown, seen)
-        return self._chained(kind, find, camera.up)
-
     def _chained(
         self, kind: str, find: Callable[[LineOptions], Segments], up: np.ndarray
     ) -> SurfaceCurves:
@@ -150,11 +161,11 @@ class SurfaceLines:
         """
         surface, options = self.surface, self.options
         if kind not in SOFT_KINDS:
-            return chain_segments(surface, find(options), up, 0.0)
+            return chain_segments(surface, find(options), up)
         curves = chain_segments(surface, self._trusted(find(options)), up, options.hysteresis)
         if not (options.follow > 1.0 and len(curves)):
             return curves
-        followed = chain_segments(surface, self._trusted(find(options.followed())), up, 0.0)
+        followed = chain_segments(surface, self._trusted(find(options.followed())), up)
         start = np.zeros(len(surface.faces), bool)
         start[curves.face] = True
         return followed.take(np.logical_or.reduceat(start[followed.face], followed.offsets[:-1]))
@@ -209,9 +220,7 @@ def trust_in_shape(surface: Surface) -> np.ndarray:
     return np.clip((mean - SLIVERS[0]) / (SLIVERS[1] - SLIVERS[0]), 0.0, 1.0)
 
 
-_VIEW_KINDS = {
-    "contour": contour_segments,
-    "crease": crease_segments,
+_SOFT_VIEW_KINDS = {
     "suggestive": suggestive_segments,
     "apparent": apparent_segments,
 }

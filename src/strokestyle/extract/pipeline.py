@@ -14,6 +14,7 @@ from ..geometry.curves import (
     arc_length,
     clip,
     clip_with_source,
+    is_kind,
     owner,
     resample_curves,
 )
@@ -23,7 +24,7 @@ from ..mesh.surface import Surface
 from .camera import Camera
 from .feature_maps import NEURAL_STROKES_MAPS, NORMAL_MAPS, FeatureMaps, feature_maps, plain_raster
 from .line_options import LineOptions
-from .lines import SurfaceLines, feature_curves
+from .lines import SurfaceLines
 from .rays import Bvh
 from .tidy import subtract_parallel, tidy
 from .view import View
@@ -64,20 +65,21 @@ def extract_view(
     """
     lines = _lines_of(surface, options, lines)
     size = (camera.width, camera.height)
-    found = lines.seen_from(camera)
+    found, unseen = lines.split_from(camera, hidden)
     sight = look_along(surface, camera, found, lines.bvh)
     fragments, strength, face = sight.fragments(found, sight.seen)
     strokes = tidy(fragments, strength, size)
     curves = resample_curves(strokes, spacing)
     faces, behind, hidden_faces = _faces_at(surface, curves, fragments, face), Curves.empty(), None
     if hidden:
-        kinds = tuple(kind for kind in lines.options.kinds if kind in HARD_KINDS)
-        every = feature_curves(surface, camera, replace(lines.options, kinds=kinds, trim=False))
-        sight = look_along(surface, camera, every, lines.bvh)
-        whole, _, face = sight.fragments(every, sight.hidden)
+        hard = is_kind(found.kind, HARD_KINDS)[sight.line]
+        away = look_along(surface, camera, unseen, None)
+        parts = sight.fragments(found, sight.hidden & hard), away.fragments(unseen, away.hidden)
+        whole = Curves.concatenate([curves for curves, _, _ in parts])
+        hidden_face = np.concatenate([face for _, _, face in parts])
         fragments = subtract_parallel(whole, strokes, size)
         behind = resample_curves(tidy(fragments, np.ones(len(fragments.xy)), size), spacing)
-        hidden_faces = _faces_at(surface, behind, whole, face)
+        hidden_faces = _faces_at(surface, behind, whole, hidden_face)
     view = View(camera, curves, feature_maps(surface, camera, curves, lines.bvh), behind)
     return _with_parts(view, surface, faces, hidden_faces)
 

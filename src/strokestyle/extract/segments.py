@@ -8,6 +8,7 @@ crosses zero; they are then chained across faces into the longest polylines. Con
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,6 +52,10 @@ class Segments:
 
     def __len__(self) -> int:
         return len(self.face)
+
+    def none(self) -> Segments:
+        """No segments of the same kind."""
+        return self.take(slice(0, 0))
 
     def take(self, index) -> Segments:
         return Segments(
@@ -165,38 +170,47 @@ def values_at_ends(surface: Surface, segments: Segments, value: np.ndarray) -> n
     return np.einsum("sei,si->se", segments.bary, value[surface.faces[segments.face]])
 
 
-def contour_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
-    """Occluding contours: n.v = 0, and creases between a side that faces the eye and one that does not.
+class Trimmed(NamedTuple):
+    """Lines of one kind: those that may be seen, and those that the shape hides however one looks."""
 
-    On closed surfaces trimmed to what can be seen: positive radial curvature, convex creases. The rest lies inside a
-    hollow and is always hidden. On open surfaces one may look at the inside, where the signs are reversed.
+    shown: Segments
+    unseen: Segments
+
+
+def contour_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Trimmed:
+    """Find occluding contours: n.v = 0, and creases of which one side faces the eye and one does not.
+
+    On closed surfaces those with positive radial curvature, and convex creases, may be seen. The
+    rest lies inside a hollow and is always hidden. On open surfaces one may look at the inside,
+    where the signs are reversed. Without `options.trim` nothing is said to be unseen.
     """
     segments = _zero_lines(surface, view.n_dot_v, "contour")
-    if options.trim:
-        radial = values_at_ends(surface, segments, view.radial_curvature(surface))
-        radial[~surface.closed_faces[segments.face]] = 1.0
-        segments = _keep_positive(
-            segments, radial, np.ones_like(radial), _new_names(surface, segments)
-        )
-    return _joined(segments, _folds(surface, view, options))
-
-
-def _folds(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
-    """Parts of cut edges at which one side faces the eye and the other does not; their face is the one that does.
-
-    Normals run along the edge on either side. Where those of one side turn away, the smooth contour of that side ends
-    at the same point and under the same name.
-    """
+    if not options.trim:
+        return Trimmed(_joined(segments, _folds(surface, view, surface.cut_edges)), segments.none())
+    radial = values_at_ends(surface, segments, view.radial_curvature(surface))
+    radial[~surface.closed_faces[segments.face]] = 1.0
+    names = _new_names(surface, segments)
+    parts = (
+        _keep_positive(segments, sign * radial, np.ones_like(radial), names) for sign in (1, -1)
+    )
     edge = surface.cut_edges
-    if options.trim:
-        edge = edge[_convex(surface, edge) | ~surface.closed_faces[surface.edge_faces[edge, 0]]]
+    bulges = _convex(surface, edge) | ~surface.closed_faces[surface.edge_faces[edge, 0]]
+    folds = (_folds(surface, view, edge[mask]) for mask in (bulges, ~bulges))
+    return Trimmed(*(_joined(part, fold) for part, fold in zip(parts, folds, strict=True)))
+
+
+def _folds(surface: Surface, view: ViewFields, edge: np.ndarray) -> Segments:
+    """Parts of cut edges (M,) at which one side faces the eye and the other does not.
+
+    Their face is the one that does. Normals run along the edge on either side. Where those of one
+    side turn away, the smooth contour of that side ends at the same point and under the same name.
+    """
     parts = []
     for side in range(2):
         segments, own, other, names = _along_cut(surface, view, edge, "contour", side)
         segments = _keep_positive(segments, own, -other, names)
-        parts.append(
-            segments.take(values_at_ends(surface, segments, view.n_dot_v).mean(axis=1) > 0.0)
-        )
+        facing = values_at_ends(surface, segments, view.n_dot_v).mean(axis=1)
+        parts.append(segments.take(facing > 0.0))
     return _joined(*parts)
 
 
@@ -416,24 +430,26 @@ def _leads(point, arrow, start, end) -> np.ndarray:
 
 def crease_segments(
     surface: Surface, view: ViewFields, options: LineOptions, edge: np.ndarray | None = None
-) -> Segments:
+) -> Trimmed:
     """Find creases: mesh edges at which faces meet at more than the crease angle, or more than two do.
 
-    Where contours are drawn too, less what is part of one, and what faces away on a closed surface.
+    Where contours are drawn too, less what is part of one; what faces away on a closed surface is
+    never seen.
     `edge` : the surface's `crease_edges`, where they are known.
     """
     edge = crease_edges(surface, options.crease) if edge is None else edge
     if "contour" not in options.kinds:
-        return edge_segments(surface, edge, "crease")
+        segments = edge_segments(surface, edge, "crease")
+        return Trimmed(segments, segments.none())
     cut = np.isin(edge, surface.cut_edges, assume_unique=True)
     segments, own, other, names = _along_cut(surface, view, edge[cut], "crease", 0)
     both = _keep_positive(segments, own, other, names)
-    seen = (values_at_ends(surface, both, view.n_dot_v).mean(axis=1) > 0.0) | ~surface.closed_faces[
-        both.face
-    ]
-    return _joined(
-        both.take(seen) if options.trim else both, edge_segments(surface, edge[~cut], "crease")
-    )
+    uncut = edge_segments(surface, edge[~cut], "crease")
+    if not options.trim:
+        return Trimmed(_joined(both, uncut), both.none())
+    faces_eye = values_at_ends(surface, both, view.n_dot_v).mean(axis=1) > 0.0
+    seen = faces_eye | ~surface.closed_faces[both.face]
+    return Trimmed(_joined(both.take(seen), uncut), both.take(~seen))
 
 
 def crease_edges(surface: Surface, angle: float) -> np.ndarray:

@@ -71,7 +71,14 @@ class SampledLines:
         return curves, self.strength[rows], self.face[rows]
 
 
-def look_along(surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Bvh) -> SampledLines:
+def look_along(
+    surface: Surface, camera: Camera, lines: SurfaceCurves, bvh: Bvh | None
+) -> SampledLines:
+    """Sample lines every SAMPLE px and ask at each point whether the camera sees it.
+
+    What is seen or hidden over less than FLICKER px takes after its surroundings. Without a `bvh`
+    nothing is asked, and nothing is seen.
+    """
     if not len(lines):
         none, no = np.zeros(0, np.int64), np.zeros(0, bool)
         return SampledLines(np.zeros((0, 2)), np.zeros(0), none, none, no, no)
@@ -81,17 +88,18 @@ def look_along(surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Bv
     after = np.minimum(start + 1, lines.offsets[1:][line] - 1)
     node = points[start] + t[:, None] * (points[after] - points[start])
     strength = lines.strength[start] + t * (lines.strength[after] - lines.strength[start])
-    sharp = is_kind(lines.kind, SHARP_KINDS)[line]
     xy, depth = camera.project(node)
     low, high = -1e-6, np.array([camera.width, camera.height]) + 1e-6
     inside = (depth > 0.0) & ((xy >= low) & (xy <= high)).all(axis=1)
-    ask, seen = np.flatnonzero(inside), inside.copy()
-    seen[ask] = scene.seen(camera.eye, lines.face[start[ask]], node[ask], sharp[ask])
-    xy = np.clip(xy, 0.0, [camera.width, camera.height])
-    step = np.r_[0.0, np.hypot(*np.diff(xy, axis=0).T)]
-    for state in (False, True):  # first mend short gaps, then drop short sightings
-        seen = _without_short_runs(seen, line, step, state)
-    return SampledLines(xy, strength, lines.face[start], line, inside, seen)
+    xy, face = np.clip(xy, 0.0, [camera.width, camera.height]), lines.face[start]
+    seen = np.zeros(len(line), bool)
+    if bvh is not None:
+        ask, sharp = np.flatnonzero(inside), is_kind(lines.kind, SHARP_KINDS)[line]
+        seen[ask] = bvh.seen(camera.eye, face[ask], node[ask], sharp[ask])
+        step = np.r_[0.0, np.hypot(*np.diff(xy, axis=0).T)]
+        for state in (False, True):  # first mend short gaps, then drop short sightings
+            seen = _without_short_runs(seen, line, step, state)
+    return SampledLines(xy, strength, face, line, inside, seen)
 
 
 def _nodes(

@@ -74,6 +74,18 @@ class Curves:
         return cls(np.zeros((0, 2)), np.zeros(1, np.int64), np.zeros(0, np.int8), np.zeros(0, bool))
 
     @classmethod
+    def concatenate(cls, parts: list[Curves]) -> Curves:
+        """Put curves after one another."""
+        if not parts:
+            return cls.empty()
+        counts = np.concatenate([np.diff(part.offsets) for part in parts])
+        xy, kind, closed = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("xy", "kind", "closed")
+        )
+        return cls(xy, np.r_[0, np.cumsum(counts)], kind, closed)
+
+    @classmethod
     def from_list(
         cls,
         polylines: Sequence[np.ndarray],
