@@ -124,10 +124,10 @@ def drawings(files):
 
 def main():
     sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-    from browser import WHY_NOT, Browser
+    from browser import NO_BROWSER, Browser
 
-    if WHY_NOT:
-        print(f"skipped: {WHY_NOT}")
+    if NO_BROWSER:
+        print(f"skipped: {NO_BROWSER}")
         return
     print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     columns = f"{'median':>8s} {'slowest':>8s} {'CPU ms':>7s} {'px a px':>8s}"

@@ -21,10 +21,10 @@ TASKS = {
 
 def main() -> None:
     sys.path.insert(0, str(HERE.parent / "tests"))
-    from browser import WHY_NOT, Browser
+    from browser import NO_BROWSER, Browser
 
-    if WHY_NOT:
-        sys.exit(WHY_NOT)
+    if NO_BROWSER:
+        sys.exit(NO_BROWSER)
     out = HERE.parent / "out" / "page"
     out.mkdir(parents=True, exist_ok=True)
     files = []

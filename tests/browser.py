@@ -16,8 +16,8 @@ from pathlib import Path
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
-WHY_NOT = (
-    "needs chromium on a system with Unix pipes"
+NO_BROWSER = (
+    "no browser: needs chromium on a system with Unix pipes"
     if CHROMIUM is None or sys.platform == "win32"
     else None
 )

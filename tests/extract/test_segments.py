@@ -23,7 +23,7 @@ from strokestyle.mesh.surface import make_surface
 
 SHARED = os.environ.get("STROKESTYLE_SHARED")
 needs_oracles = pytest.mark.skipif(
-    not SHARED, reason="STROKESTYLE_SHARED names no folder with rtsc's segments"
+    not SHARED, reason="STROKESTYLE_SHARED is not set: no segments of rtsc"
 )
 
 

@@ -17,7 +17,7 @@ from strokestyle.mesh.triangles import Edges
 
 SHARED = os.environ.get("STROKESTYLE_SHARED")
 needs_oracles = pytest.mark.skipif(
-    not SHARED, reason="STROKESTYLE_SHARED names no folder with rtsc's numbers"
+    not SHARED, reason="STROKESTYLE_SHARED is not set: no numbers of rtsc"
 )
 TRIANGLE = ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 

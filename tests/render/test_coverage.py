@@ -211,7 +211,7 @@ def test_two_runs_give_the_same_bytes():
     assert runs[0] == runs[1]
 
 
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA")
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 def test_cuda_agrees_with_the_cpu():
     xy, thickness, offsets = scribbles(np.random.default_rng(7), 20, 4, 0.2, 1, 9)
     results = []
@@ -225,7 +225,7 @@ def test_cuda_agrees_with_the_cpu():
         torch.testing.assert_close(one, other, atol=2e-3, rtol=2e-3)
 
 
-@pytest.mark.skipif(SHARED is None, reason="STROKESTYLE_SHARED is not set")
+@pytest.mark.skipif(not SHARED, reason="STROKESTYLE_SHARED is not set: no scenes of diffvg")
 def test_stored_scenes_are_met():
     for path in sorted(Path(SHARED, "oracles", "diffvg").glob("*.npz")):
         scene = np.load(path)

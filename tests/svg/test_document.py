@@ -229,7 +229,7 @@ def test_power_strokes_have_skeleton_and_widths():
 
 def test_inkscape_makes_the_same_of_a_power_stroke(tmp_path):
     if not shutil.which("inkscape"):
-        pytest.skip("inkscape is not installed")
+        pytest.skip("no program: inkscape is not installed")
     text = write_svg(small(None), inkscape_lpe=True)
     blank = re.sub(r' d="[^"]*"', ' d="M0 0h1"', text)  # so that what is seen is Inkscape's own
     (tmp_path / "a.svg").write_text(blank)
@@ -244,7 +244,7 @@ def test_inkscape_makes_the_same_of_a_power_stroke(tmp_path):
         timeout=120,
     )
     if done.returncode or not (tmp_path / "a.png").exists():
-        pytest.skip("inkscape does not run")
+        pytest.skip("no program: inkscape does not run")
     made = np.asarray(Image.open(tmp_path / "a.png").convert("L")).astype(float)
     ours = rendered(text)
     assert np.abs(made - ours).mean() < 0.06 * (255 - ours).mean()
@@ -279,7 +279,7 @@ def test_lines_of_nothing():
 def test_the_nu_checker_finds_no_error(tmp_path):
     jar = os.environ.get("VNU_JAR", "")
     if not (Path(jar).is_file() and shutil.which("java")):
-        pytest.skip("no java, or VNU_JAR does not name vnu.jar")
+        pytest.skip("no program: java is not installed, or VNU_JAR does not name vnu.jar")
     options = SvgOptions(
         title="a < b", author="c", license="CC-BY-4.0", background="#fff", page_size="A4"
     )

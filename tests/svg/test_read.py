@@ -221,14 +221,14 @@ def test_strokes_moved_turned_scaled_doubled_and_grouped_by_hand(encoding, after
 def test_a_save_by_the_program_itself(program, tmp_path):
     (tmp_path / "a.svg").write_text(write_svg(small("grain")))
     if not run(SAVES[program], tmp_path / "a.svg", tmp_path / "b.svg"):
-        pytest.skip(f"{SAVES[program].split()[0]} is not installed, or does not run")
+        pytest.skip(f"no program: {SAVES[program].split()[0]} is not installed, or does not run")
     same_as(read_svg(tmp_path / "b.svg"), read_svg(tmp_path / "a.svg"))
 
 
 def test_a_hand_in_inkscape_itself(tmp_path):
     (tmp_path / "a.svg").write_text(write_svg(small(None)))
     if not by_hand(tmp_path / "a.svg", tmp_path / "b.svg"):
-        pytest.skip("inkscape is not installed, or does not run")
+        pytest.skip("no program: inkscape is not installed, or does not run")
     check_by_hand(
         read_svg(tmp_path / "a.svg"), read_svg(tmp_path / "b.svg"), (tmp_path / "b.svg").read_text()
     )

@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from browser import WHY_NOT, Browser
+from browser import NO_BROWSER, Browser
 from command import refused, run
 from PIL import Image
 
@@ -29,7 +29,7 @@ SIZE = (160, 120)
 TEXTURES = (None, "grain", "colours")
 NAMES = "abcde"
 HOSTILE = "</script><script>window.harm = 1</script><img src=x onerror='window.harm = 2'>&\"'"
-in_browser = pytest.mark.skipif(WHY_NOT is not None, reason=WHY_NOT or "")
+in_browser = pytest.mark.skipif(NO_BROWSER is not None, reason=NO_BROWSER or "")
 
 
 def write_svg(*drawn, **options):
@@ -182,12 +182,9 @@ def browser():
     found = Browser()
     try:
         found.__enter__()
-    except (
-        OSError,
-        RuntimeError,
-        TimeoutError,
-    ) as error:  # a sandbox may hold a browser that cannot run in it
-        pytest.skip(f"chromium is there, but does not start ({error})")
+    # a sandbox may hold a browser that cannot run in it
+    except (OSError, RuntimeError, TimeoutError) as error:
+        pytest.skip(f"no browser: chromium is there, but does not start ({error})")
     yield found
     found.__exit__(None, None, None)
 
