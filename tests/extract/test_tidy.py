@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from strokestyle.extract.tidy import TidyOptions, subtract_parallel, tidy
+from strokestyle.extract.tidy import TidyOptions, subtract_parallel, tidy, tidy_with_source
 from strokestyle.geometry.curves import KINDS, Curves, arc_length, owner
 
 CONTOUR, CREASE, SUGGESTIVE, RIDGE, VALLEY = (
@@ -122,15 +122,15 @@ def test_what_runs_along_another_drawing_goes():
         line((150, 50), (150, 150)),
         line((100, 104), (300, 104)),
     ]
-    left = subtract_parallel(Curves.from_list(others, [CREASE] * 3), drawn)
+    left, _ = subtract_parallel(Curves.from_list(others, [CREASE] * 3), drawn)
     assert left.lengths() == pytest.approx([50, 100, 200], abs=2.5)  # crossing lines stay whole
-    twice = subtract_parallel(
+    twice, _ = subtract_parallel(
         Curves.from_list([2 * p for p in others]), Curves.from_list([2 * drawn.xy]), (1536, 1536)
     )
     assert twice.xy == pytest.approx(2 * left.xy)
     for a, b in ((drawn, Curves.empty()), (Curves.empty(), drawn)):
-        assert subtract_parallel(a, b) is a
-    assert len(subtract_parallel(drawn, drawn)) == 0
+        assert subtract_parallel(a, b)[0] is a
+    assert len(subtract_parallel(drawn, drawn)[0]) == 0
 
 
 # ------------------------------------------------------------------------------------------------------------ joining
@@ -394,3 +394,35 @@ def test_errors_name_what_is_wrong():
         TidyOptions(gap=-1.0)
     with pytest.raises(ValueError, match="tidy option corner"):
         TidyOptions(corner=float("nan"))
+
+
+# ---------------------------------------------------------------------------- where points come from
+
+
+def test_points_know_the_fragment_that_they_come_from():
+    """Two halves of a line with a gap between, a doubled line beside it, a closed curve, a corner."""
+    given = [
+        line((100, 100), (200, 100)),
+        line((206, 100), (300, 100)),
+        line((100, 101.5), (180, 101.5)),
+        arc((400, 400), 60, 0, 360),
+        np.concatenate([line((500, 100), (600, 100)), line((600, 101), (600, 200))]),
+    ]
+    fragments = Curves.from_list(given, [CONTOUR, CONTOUR, SUGGESTIVE, CONTOUR, CREASE])
+    curves, source = tidy_with_source(fragments, np.ones(len(fragments.xy)))
+    assert source.shape == (len(curves.xy),)
+    away = np.linalg.norm(fragments.xy[source] - curves.xy, axis=1)
+    assert away.max() < 4.5  # half the gap, and half the step of the given points
+    joined = [i for i in range(len(curves)) if abs(curves.lengths()[i] - 200) < 2]
+    of = owner(fragments.offsets)[source]
+    rows = slice(*curves.offsets[joined[0] : joined[0] + 2])
+    left = curves.xy[rows, 0] < 203
+    assert (of[rows][left] == 0).all() and (of[rows][~left] == 1).all()
+    assert not (of == 2).any()  # the doubled line is gone
+
+
+def test_what_is_left_beside_others_knows_its_rows():
+    drawn = Curves.from_list([line((100, 100), (300, 100))], [CONTOUR])
+    given = Curves.from_list([line((50, 101.5), (200, 101.5)), line((150, 50), (150, 150))])
+    left, source = subtract_parallel(given, drawn)
+    assert np.linalg.norm(given.xy[source] - left.xy, axis=1).max() < 1.5

@@ -22,7 +22,7 @@ from strokestyle.extract.feature_maps import (
 )
 from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.lines import feature_curves
-from strokestyle.extract.pipeline import _faces_at, extract_view, view_of_curves, view_of_lines
+from strokestyle.extract.pipeline import extract_view, faces_of, view_of_curves, view_of_lines
 from strokestyle.extract.rays import Bvh
 from strokestyle.extract.view import View
 from strokestyle.extract.view_file import load_view, save_view, view_to_json
@@ -677,42 +677,34 @@ def test_curves_of_its_own_and_from_elsewhere_are_of_the_same_parts(wheel_view):
     ]
 
 
-def test_a_point_lies_on_the_face_of_the_nearest_line_if_possible_of_its_kind():
+def test_a_point_belongs_to_the_face_that_its_source_lies_on():
     surface = wheel_surface()
     line = np.stack([np.arange(40.0), np.full(40, 10.0)], axis=1)
-    fragments = Curves.from_list([line, line + [0, 2], line + [0, 20]], [0, 2, 2])
     face = np.repeat([4, 5, 6], 40)
-    for y, kind, found in (
-        (1.4, 0, 4),
-        (1.9, 0, 5),
-        (1.4, 2, 5),
-        (0.6, 2, 5),
-        (0.1, 2, 4),
-        (19, 0, 6),
-    ):
-        curves = Curves.from_list([line + [0, y]], [kind])
-        assert set(_faces_at(surface, curves, fragments, face)) == {found}, (y, kind)
+    beside = Curves.from_list([line, line + [0, 2], line + [0, 20]], [0, 2, 2])
+    source = np.array([3, 50, 100, 0])
+    curves = Curves.from_list([line[:4]], [0])
+    assert faces_of(surface, curves, beside, face, source).tolist() == [4, 5, 6, 4]
+    none = faces_of(surface, Curves.empty(), beside, face, np.zeros(0, np.int64))
+    assert none.shape == (0,)
+
+
+def test_a_short_stretch_of_an_intersection_goes_with_what_it_is_chained_to():
+    surface = wheel_surface()
+    line = np.stack([np.arange(40.0), np.full(40, 10.0)], axis=1)
+    face = np.repeat([4, 5, 6], 40)
     crossing = Curves.from_list([line, line + [40, 0], line + [0, 20]], [0, 7, 7])
-    chain = np.concatenate([line[::3], line[::3] + [40, 0]])
+    chain, rows = np.concatenate([line[::3], line[::3] + [40, 0]]), np.r_[0:40:3, 40:80:3]
     both = Curves.from_list([chain, line + [0, 20], line + [40, 0], chain[::-1]], [0, 7, 7, 0])
-    found = _faces_at(surface, both, crossing, face)
-    assert [set(found[a:b]) for a, b in zip(both.offsets[:-1], both.offsets[1:], strict=True)] == [
-        {4},
-        {6},
-        {5},
-        {4},
-    ]
+    source = np.concatenate([rows, np.arange(80, 120), np.arange(40, 80), rows[::-1]])
+    found = faces_of(surface, both, crossing, face, source)
+    each = [set(found[a:b]) for a, b in zip(both.offsets[:-1], both.offsets[1:], strict=True)]
+    assert each == [{4}, {6}, {5}, {4}]  # alone, it keeps its own face
     long = np.stack([np.arange(40.0, 100.0), np.full(60, 10.0)], axis=1)
     one = Curves.from_list([np.concatenate([line, long])], [0])
-    found = _faces_at(
-        surface, one, Curves.from_list([line, long], [0, 7]), np.repeat([4, 5], [40, 60])
-    )
-    assert set(found[:40]) == {4} and set(found[42:]) == {5}
-    assert set(_faces_at(surface, curves, Curves.empty(), np.zeros(0, int))) == {-1}
-    assert len(_faces_at(surface, Curves.empty(), fragments, face)) == 0
-    assert set(_faces_at(surface, curves, fragments.take([0]), face[:40])) == {4}
-    two = Curves.from_list([line[:2]], [0])
-    assert set(_faces_at(surface, curves, two, face[:2])) == {4}
+    pieces, face = Curves.from_list([line, long], [0, 7]), np.repeat([4, 5], [40, 60])
+    found = faces_of(surface, one, pieces, face, np.arange(100))
+    assert set(found[:40]) == {4} and set(found[40:]) == {5}
 
 
 def test_nearer_parts_are_painted_later():

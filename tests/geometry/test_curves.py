@@ -13,6 +13,7 @@ from strokestyle.geometry.curves import (  # fmt: skip
     owner,
     resample,
     resample_curves,
+    resample_with_source,
     runs,
     simplify,
     simplify_all,
@@ -160,3 +161,21 @@ def test_is_kind_knows_kinds_by_their_names():
     kind = np.array([KINDS.index(name) for name in ("ridge", "contour", "other")], np.int8)
     assert is_kind(kind, ("ridge", "other")).tolist() == [True, False, True]
     assert not is_kind(kind, ()).any()
+
+
+def test_resampled_points_know_the_nearest_given_one():
+    rng = np.random.default_rng(3)
+    curves = Curves.from_list([np.cumsum(rng.uniform(0.2, 5, (n, 2)), axis=0) for n in (2, 9, 40)])
+    made, source = resample_with_source(curves, 1.5)
+    assert np.array_equal(made.xy, resample_curves(curves, 1.5).xy)
+    # the same curve, and no row of it is nearer along it
+    assert np.array_equal(owner(curves.offsets)[source], owner(made.offsets))
+    ends = np.r_[made.offsets[:-1], made.offsets[1:] - 1]
+    assert np.array_equal(source[ends], np.r_[curves.offsets[:-1], curves.offsets[1:] - 1])
+    place = arc_length(curves.xy, curves.offsets)
+    for curve in range(len(curves)):
+        rows = slice(*curves.offsets[curve : curve + 2])
+        own = source[slice(*made.offsets[curve : curve + 2])]
+        at = np.linspace(0.0, place[rows][-1], len(own))
+        between = np.interp(at, place[rows], np.arange(len(place[rows])))
+        assert np.abs(own - curves.offsets[curve] - between).max() <= 0.5

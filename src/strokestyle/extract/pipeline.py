@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..geometry.curves import (
     DEFAULT_SPACING,
-    KINDS,
     Curves,
     arc_length,
     clip,
@@ -17,6 +15,8 @@ from ..geometry.curves import (
     is_kind,
     owner,
     resample_curves,
+    resample_with_source,
+    runs,
 )
 from ..geometry.kinds import HARD_KINDS
 from ..geometry.parts import Parts, part_name
@@ -26,12 +26,9 @@ from .feature_maps import NEURAL_STROKES_MAPS, NORMAL_MAPS, FeatureMaps, feature
 from .line_options import LineOptions
 from .lines import SurfaceLines
 from .rays import Bvh
-from .tidy import subtract_parallel, tidy
+from .tidy import subtract_parallel, tidy_with_source
 from .view import View
 from .visible import look_along
-
-# px that a line of another kind counts as farther away, where the line of a point is sought
-OTHER_KIND = 1.5
 
 LOOSE = 50.0  # px, an intersection that is shorter may go with the lines that it is chained to
 RIM = (
@@ -68,18 +65,20 @@ def extract_view(
     found, unseen = lines.split_from(camera, hidden)
     sight = look_along(surface, camera, found, lines.bvh)
     fragments, strength, face = sight.fragments(found, sight.seen)
-    strokes = tidy(fragments, strength, size)
-    curves = resample_curves(strokes, spacing)
-    faces, behind, hidden_faces = _faces_at(surface, curves, fragments, face), Curves.empty(), None
+    strokes, of_fragment = tidy_with_source(fragments, strength, size)
+    curves, of_stroke = resample_with_source(strokes, spacing)
+    faces = faces_of(surface, curves, fragments, face, of_fragment[of_stroke])
+    behind, hidden_faces = Curves.empty(), None
     if hidden:
         hard = is_kind(found.kind, HARD_KINDS)[sight.line]
         away = look_along(surface, camera, unseen, None)
         parts = sight.fragments(found, sight.hidden & hard), away.fragments(unseen, away.hidden)
         whole = Curves.concatenate([curves for curves, _, _ in parts])
-        hidden_face = np.concatenate([face for _, _, face in parts])
-        fragments = subtract_parallel(whole, strokes, size)
-        behind = resample_curves(tidy(fragments, np.ones(len(fragments.xy)), size), spacing)
-        hidden_faces = _faces_at(surface, behind, whole, hidden_face)
+        face = np.concatenate([face for _, _, face in parts])
+        apart, of_whole = subtract_parallel(whole, strokes, size)
+        strokes, of_apart = tidy_with_source(apart, np.ones(len(apart.xy)), size)
+        behind, of_stroke = resample_with_source(strokes, spacing)
+        hidden_faces = faces_of(surface, behind, whole, face, of_whole[of_apart[of_stroke]])
     view = View(camera, curves, feature_maps(surface, camera, curves, lines.bvh), behind)
     return _with_parts(view, surface, faces, hidden_faces)
 
@@ -164,38 +163,33 @@ def _has_parts(surface: Surface) -> bool:
     return len(surface.part_names) > 1 and len({part_name(text) for text in surface.part_names}) > 1
 
 
-def _faces_at(
-    surface: Surface, curves: Curves, fragments: Curves, face: np.ndarray
+def faces_of(
+    surface: Surface, curves: Curves, fragments: Curves, face: np.ndarray, source: np.ndarray
 ) -> np.ndarray | None:
-    """The face (N,) that each point of curves lies on, which were made of fragments whose points lie on `face` (M,).
+    """Tell the face (N,) that each point of curves belongs to, which comes from row `source` of fragments.
 
-    That is the face of the nearest point, rather of a line of the same kind: a curve may be chained of several. An
-    intersection is of two parts, so that a short stretch of it goes with what it is chained to. None where faces tell
-    nothing.
+    The points of fragments lie on `face` (M,). An intersection is of two parts, so that a stretch
+    of it shorter than LOOSE goes with the rest of a curve that it is chained to. None where faces
+    tell nothing.
     """
     if not _has_parts(surface):
         return None
-    if not (len(fragments) and len(curves)):
-        return np.full(len(curves.xy), -1)
-    away, near = cKDTree(fragments.xy).query(curves.xy, k=min(8, len(fragments.xy)))
-    away, near = away.reshape(len(curves.xy), -1), near.reshape(len(curves.xy), -1)
-    kind, curve = fragments.kind[owner(fragments.offsets)[near]], owner(curves.offsets)
-    best = (away + OTHER_KIND * (kind != curves.kind[curve][:, None])).argmin(axis=1)[:, None]
-    found, kind = (np.take_along_axis(rows, best, 1)[:, 0] for rows in (face[near], kind))
-    loose, along = kind == KINDS.index("intersection"), arc_length(curves.xy, curves.offsets)
-    start = np.flatnonzero(np.r_[True, (loose[1:] != loose[:-1]) | (curve[1:] != curve[:-1])])
-    stop = np.r_[start[1:], len(loose)]
-    loose &= np.repeat(along[stop - 1] - along[start] < LOOSE, stop - start)
-    here, firm = np.arange(len(found)), np.flatnonzero(~loose)
+    if not len(curves):
+        return np.full(0, -1)
+    crossing = is_kind(fragments.kind, ("intersection",))[owner(fragments.offsets)]
+    loose, curve = crossing[source], owner(curves.offsets)
+    start, along = runs(loose, curve), arc_length(curves.xy, curves.offsets)
+    short = along[start[1:] - 1] - along[start[:-1]] < LOOSE
+    loose = loose & np.repeat(short, np.diff(start))
+    here, firm = np.arange(len(source)), np.flatnonzero(~loose)
     if not len(firm):
-        return found
+        return face[source]
     after = np.searchsorted(firm, here)
-    sides = firm[
-        np.clip([after - 1, after], 0, len(firm) - 1)
-    ]  # the firm points before and after each point
-    away = np.where(curve[sides] == curve, np.abs(sides - here), len(found))
+    # the firm points before and after each point
+    sides = firm[np.clip([after - 1, after], 0, len(firm) - 1)]
+    away = np.where(curve[sides] == curve, np.abs(sides - here), len(source))
     nearest = np.where(away[0] <= away[1], *sides)
-    return found[np.where(away.min(axis=0) < len(found), nearest, here)]
+    return face[source[np.where(away.min(axis=0) < len(source), nearest, here)]]
 
 
 def _faces_in_front(

@@ -60,10 +60,14 @@ class TidyOptions:
 
 @dataclass(frozen=True)
 class _Lines:
-    """Polylines with a point every STEP px: xy (N, 2), strength (N,), offsets (C+1,), kind (C,), closed (C,)."""
+    """Polylines with a point every STEP px: xy (N, 2), strength and source (N,), offsets (C+1,), kind, closed (C,).
+
+    The source of a point is the row of the given points that it comes from, or the nearest to it.
+    """
 
     xy: np.ndarray
     strength: np.ndarray
+    source: np.ndarray
     offsets: np.ndarray
     kind: np.ndarray
     closed: np.ndarray
@@ -93,7 +97,12 @@ class _Lines:
         index = np.arange(len(self))[np.asarray(index)]
         rows, offsets = take_ragged(self.offsets, index)
         return _Lines(
-            self.xy[rows], self.strength[rows], offsets, self.kind[index], self.closed[index]
+            self.xy[rows],
+            self.strength[rows],
+            self.source[rows],
+            offsets,
+            self.kind[index],
+            self.closed[index],
         )
 
     def runs(self, keep: np.ndarray) -> _Lines:
@@ -107,6 +116,7 @@ class _Lines:
         return _Lines(
             self.xy[rows],
             self.strength[rows],
+            self.source[rows],
             offsets,
             self.kind[of[good]],
             (self.closed[of] & whole)[good],
@@ -162,6 +172,19 @@ def tidy(
     ValueError
         where `strength` does not fit the fragments, or the canvas has no size.
     """
+    return tidy_with_source(fragments, strength, size, options)[0]
+
+
+def tidy_with_source(
+    fragments: Curves,
+    strength: np.ndarray,
+    size: tuple[int, int] = (768, 768),
+    options: TidyOptions | None = None,
+) -> tuple[Curves, np.ndarray]:
+    """Tidy as `tidy` does, and say of each point (M,) of the result which of the given ones it comes from.
+
+    A point of a bridge comes from the end that is nearest, a smoothed one from where it was.
+    """
     options = options or TidyOptions()
     strength = np.asarray(strength, np.float64)
     if strength.shape != (len(fragments.xy),) or not np.isfinite(strength).all():
@@ -171,9 +194,7 @@ def tidy(
     if min(size) <= 0:
         raise ValueError(f"the canvas must have a size, got {size[0]} x {size[1]}")
     scale = max(size) / REFERENCE
-    lines = _even(
-        fragments.xy / scale, strength, fragments.offsets, fragments.kind, fragments.closed
-    )
+    lines = _evenly(fragments, scale, strength)
     lines = _split(lines, HAIRPIN, reach=3, apart=2, steady=False)
     lines = _join(lines, options, near=True)
     lines = _merge(lines, options)
@@ -188,21 +209,25 @@ def tidy(
     lines = _smooth(lines, options)
     order = np.lexsort((-lines.lengths(), lines.kind))
     lines = lines.take(order)
-    return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed)
+    return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed), lines.source
 
 
-def subtract_parallel(curves: Curves, others: Curves, size: tuple[int, int] = (768, 768)) -> Curves:
-    """Curves without the parts that run along one of `others`: within 2.5 px of it and 25 degrees of its direction.
+def subtract_parallel(
+    curves: Curves, others: Curves, size: tuple[int, int] = (768, 768)
+) -> tuple[Curves, np.ndarray]:
+    """Take from curves the parts that run along one of `others`.
 
-    Gaps and remains of less than 6 px are closed and dropped. Lengths are those of a 768 px canvas.
+    That is within 2.5 px of it and 25 degrees of its direction. Gaps and remains of less than 6 px
+    are closed and dropped. Lengths are those of a 768 px canvas.
+
+    Returns
+    -------
+    what is left, and of each of its points (M,) the row of `curves` that it comes from
     """
     scale, options = max(size) / REFERENCE, TidyOptions()
     if not len(curves) or not len(others):
-        return curves
-    lines, drawn = (
-        _even(c.xy / scale, np.ones(len(c.xy)), c.offsets, c.kind, c.closed)
-        for c in (curves, others)
-    )
+        return curves, np.arange(len(curves.xy))
+    lines, drawn = (_evenly(c, scale, np.ones(len(c.xy))) for c in (curves, others))
     if len(lines) and len(drawn):
         distance, nearest = cKDTree(drawn.xy).query(lines.xy, distance_upper_bound=options.merge)
         near = distance < np.inf
@@ -212,16 +237,23 @@ def subtract_parallel(curves: Curves, others: Curves, size: tuple[int, int] = (7
         for value in (False, True):
             covered = _flip_short(covered, lines.offsets, value, 6.0 / STEP)
         lines = lines.runs(~covered)
-    return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed)
+    return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed), lines.source
 
 
-def _even(xy, strength, offsets, kind, closed) -> _Lines:
+def _even(xy, strength, source, offsets, kind, closed) -> _Lines:
     """Points every STEP px; curves of no length are left out."""
-    xy, offsets, (strength,) = resample(xy, offsets, STEP, strength)
-    lines = _Lines(
-        xy, np.clip(strength, 0.0, 1.0), offsets, np.asarray(kind), np.asarray(closed, bool)
-    )
+    row = np.arange(len(xy), dtype=np.float64)
+    xy, offsets, (strength, row) = resample(xy, offsets, STEP, strength, row)
+    strength, source = np.clip(strength, 0.0, 1.0), source[np.rint(row).astype(np.int64)]
+    lines = _Lines(xy, strength, source, offsets, np.asarray(kind), np.asarray(closed, bool))
     return lines.take(lines.lengths() > 1e-6) if len(lines) else lines
+
+
+def _evenly(curves: Curves, scale: float, strength: np.ndarray) -> _Lines:
+    """Curves in units of a canvas of REFERENCE px, whose points are their own source."""
+    source = np.arange(len(curves.xy))
+    xy = curves.xy / scale
+    return _even(xy, strength, source, curves.offsets, curves.kind, curves.closed)
 
 
 def _runs(
@@ -415,12 +447,7 @@ def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
         return lines
     single = lines.take(~linked)
     length, used = lines.lengths(), np.zeros(len(lines), bool)
-    xy, strength, kind, closed = (
-        [single.xy],
-        [single.strength],
-        list(single.kind),
-        list(single.closed),
-    )
+    made, kind, closed = [], list(single.kind), list(single.closed)
     # open chains from an end that has no mate, then rings from anywhere
     curves = np.flatnonzero(linked)
     starts = [end for c in curves for end in (2 * c, 2 * c + 1) if mate[end] < 0] + [
@@ -442,16 +469,18 @@ def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
         rows = np.concatenate(_trimmed(lines.xy, parts, ring)) if len(parts) > 1 else parts[0]
         if ring:
             rows = np.r_[rows, rows[0]]
-        xy.append(lines.xy[rows])
-        strength.append(lines.strength[rows])
+        made.append(rows)
         count.append(len(rows))
         hard = np.where(_SOFT, 0.0, weight)
         kind.append(int((hard if 3.0 * hard.sum() > weight.sum() else weight).argmax()))
         closed.append(ring)
     offsets = np.r_[single.offsets, single.offsets[-1] + np.cumsum(count)]
-    return _even(
-        np.concatenate(xy), np.concatenate(strength), offsets, np.array(kind), np.array(closed)
+    rows = np.concatenate(made)
+    columns = (
+        np.concatenate([getattr(single, name), getattr(lines, name)[rows]])
+        for name in ("xy", "strength", "source")
     )
+    return _even(*columns, offsets, np.array(kind), np.array(closed))
 
 
 def _trimmed(xy: np.ndarray, parts: list[np.ndarray], ring: bool) -> list[np.ndarray]:
@@ -562,7 +591,12 @@ def _split(lines: _Lines, corner: float, reach: int, apart: int, steady: bool) -
     rows = order[rows]
     closed = (lines.closed & ~open_again)[parent]
     return _Lines(
-        lines.xy[rows], lines.strength[rows], np.r_[starts, len(rows)], lines.kind[parent], closed
+        lines.xy[rows],
+        lines.strength[rows],
+        lines.source[rows],
+        np.r_[starts, len(rows)],
+        lines.kind[parent],
+        closed,
     )
 
 

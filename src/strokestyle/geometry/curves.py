@@ -263,8 +263,14 @@ def resample(
 
 def resample_curves(curves: Curves, spacing: float) -> Curves:
     """Space points evenly on curves, about `spacing` px apart; both end points are kept."""
-    xy, offsets, _ = resample(curves.xy, curves.offsets, spacing)
-    return Curves(xy, offsets, curves.kind, curves.closed)
+    return resample_with_source(curves, spacing)[0]
+
+
+def resample_with_source(curves: Curves, spacing: float) -> tuple[Curves, np.ndarray]:
+    """Resample as `resample_curves` does, and say which row of `curves` is nearest to each point (M,)."""
+    row = np.arange(len(curves.xy), dtype=np.float64)
+    xy, offsets, (row,) = resample(curves.xy, curves.offsets, spacing, row)
+    return Curves(xy, offsets, curves.kind, curves.closed), np.rint(row).astype(np.int64)
 
 
 def simplify(xy: np.ndarray, tolerance: float) -> np.ndarray:
