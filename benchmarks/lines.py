@@ -1,11 +1,13 @@
-"""The lines of `extract` measured: geometry, segments, visibility, strokes, speed. Prints `what | target | measured`.
+"""The lines of `extract` measured: geometry, segments, visibility, strokes, speed. Prints `what |
+target | measured`.
 
-    python benchmarks/lines.py [SHARED] [--only geometry segments visibility strokes speed] [--details]
+    python benchmarks/lines.py [SHARED] [--only geometry segments visibility strokes speed]
+    [--details]
 
-SHARED (or $STROKESTYLE_SHARED) is a folder with `meshes/*.obj` and rtsc's numbers in `oracles/rtsc/*.npz`; without it
-the shapes of `examples/` and closed-form surfaces are measured, and the rows that need more are left out.
-CPU seconds are of one process, all threads; every size is measured in a process of its own.
-"""
+SHARED (or $STROKESTYLE_SHARED) is a folder with `meshes/*.obj` and rtsc's numbers in
+`oracles/rtsc/*.npz`; without it the shapes of `examples/` and closed-form surfaces are measured,
+and the rows that need more are left out. CPU seconds are of one process, all threads; every size is
+measured in a process of its own."""
 
 from __future__ import annotations
 
@@ -56,14 +58,16 @@ def row(what: str, target: str, measured: str) -> None:
     print(f"{what:66s} | {target:16s} | {measured}", flush=True)
 
 
-# --------------------------------------------------------------------------------------------------------- geometry
+# ----------------------------------------------------------------------------------------- geometry
 
 
 def oracle_errors(theirs) -> dict[str, np.ndarray]:
-    """Errors of curvatures and derivatives relative to max(|value|, the mesh's median |k1|), per vertex."""
+    """Errors of curvatures and derivatives relative to max(|value|, the mesh's median |k1|), per
+    vertex."""
     ours = make_surface(theirs["vertices"], theirs["faces"], crease=180, rtsc=True)
     least = np.median(np.abs(theirs["curv1"]))
-    # Derivatives are compared in rtsc's own frame, turned there as tensors: where k1 = k2 the frames differ freely.
+    # Derivatives are compared in rtsc's own frame, turned there as tensors: where k1 = k2 the
+    # frames differ freely.
     x = np.einsum("ij,ij->i", theirs["pdir1"], ours.pdir1)
     y = np.einsum("ij,ij->i", theirs["pdir1"], ours.pdir2)
     size = np.maximum(np.hypot(x, y), 1e-12)
@@ -91,8 +95,8 @@ def _turn(tensor: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:
 
 
 def closed_form_errors(shape) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of the larger and the smaller curvature relative to the shape's largest: of vertices farther than two
-    edges from any boundary, and of the others."""
+    """Errors of the larger and the smaller curvature relative to the shape's largest: of vertices
+    farther than two edges from any boundary, and of the others."""
     surface = make_surface(*shape)
     found = np.sort(np.stack([surface.k1, surface.k2]), axis=0) / surface.scale
     true = np.sort(np.stack([shape.k1, shape.k2]), axis=0)
@@ -128,7 +132,7 @@ def geometry(shared: Path | None) -> None:
                 row(f"curvatures of a {name}, {where}, edge 1, 1/2, 1/4", target, figures)
 
 
-# --------------------------------------------------------------------------------------------------------- segments
+# ----------------------------------------------------------------------------------------- segments
 
 
 def oracles(shared: Path | None) -> list[Path]:
@@ -191,7 +195,7 @@ def segments(shared: Path | None) -> None:
             row(f"{kind} segments against rtsc, {path.stem}", ">= .99 both", figures)
 
 
-# ------------------------------------------------------------------------------------------------------- visibility
+# --------------------------------------------------------------------------------------- visibility
 
 
 def places(surface, camera, options: LineOptions) -> sight.Places:
@@ -319,12 +323,13 @@ def closed_form_visibility() -> None:
                 )
 
 
-# ---------------------------------------------------------------------------------------------------------- strokes
+# ------------------------------------------------------------------------------------------ strokes
 
 
 def doubled(curves: Curves, near: float = 1.5, over: float = 10.0, angle: float = 20.0) -> float:
-    """Length that is drawn twice: stretches of more than `over` px within `near` px of another stroke, or of the same
-    stroke 20 px away along it, in the same direction; of the two, one counts."""
+    """Length that is drawn twice: stretches of more than `over` px within `near` px of another
+    stroke, or of the same stroke 20 px away along it, in the same direction; of the two, one
+    counts."""
     xy, offsets, _ = resample(curves.xy, curves.offsets, 1.0)
     if not len(xy):
         return 0.0
@@ -380,7 +385,7 @@ def strokes(shared: Path | None, details: bool = False) -> None:
     row("default kinds: doubled length", "<= .01", f"{everything[2] / everything[3]:.4f}")
 
 
-# ------------------------------------------------------------------------------------------------------------ speed
+# -------------------------------------------------------------------------------------------- speed
 
 
 def bumpy_torus(around: int, across: int):
@@ -390,7 +395,8 @@ def bumpy_torus(around: int, across: int):
 
 
 def measure(path: str) -> None:
-    """Draw one mesh file and print a JSON object of CPU seconds and peak memory; run in a process of its own."""
+    """Draw one mesh file and print a JSON object of CPU seconds and peak memory; run in a process
+    of its own."""
     import trimesh  # noqa: F401  what loading imports is not its speed
 
     clock = time.process_time

@@ -2,10 +2,10 @@
 
     python benchmarks/raster.py [ORACLES]
 
-ORACLES is a folder of .npz scenes (points, thickness, offsets, canvas_hw, coverage, target_coverage, fd_points,
-fd_thickness); without it only the speed is measured. `DiffVG` columns are its figures at 2 x 2 samples a pixel. A star
-marks what misses its target, and more about it follows.
-"""
+ORACLES is a folder of .npz scenes (points, thickness, offsets, canvas_hw, coverage,
+target_coverage, fd_points, fd_thickness); without it only the speed is measured. `DiffVG` columns
+are its figures at 2 x 2 samples a pixel. A star marks what misses its target, and more about it
+follows."""
 
 import os
 import sys
@@ -47,7 +47,8 @@ def gradients(scene):
 def differences(scene, step):
     """Central differences of the loss in every thickness, each moved by `step` px both ways.
 
-    |.| has a kink where two edges nearly coincide; within this step of one, no gradient can agree with a difference.
+    |.| has a kink where two edges nearly coincide; within this step of one, no gradient can agree
+    with a difference.
     The stored ones move each half width by 0.2 px, so that their step is 0.4.
     """
     height, width = (int(n) for n in scene["canvas_hw"])

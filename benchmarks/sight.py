@@ -1,9 +1,9 @@
-"""What of a line on a surface is seen, by exact slow roads in double precision: for `benchmarks/lines.py`.
+"""What of a line on a surface is seen, by exact slow roads in double precision: for
+`benchmarks/lines.py`.
 
-Opinions on the same points: the rule of `Scene.seen`, which they share but for embree, its float32 and its rounds
-(`by_rule`); the smooth surface that the mesh stands for, from its normals (`by_curved_faces`) or from a formula
-(`by_formula`); and the facets as they stand (`by_mesh`).
-"""
+Opinions on the same points: the rule of `Scene.seen`, which they share but for embree, its float32
+and its rounds (`by_rule`); the smooth surface that the mesh stands for, from its normals
+(`by_curved_faces`) or from a formula (`by_formula`); and the facets as they stand (`by_mesh`)."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ class Crossings:
 
 
 def crossings(corners: np.ndarray, eye: np.ndarray, targets: np.ndarray) -> Crossings:
-    """All of them: triangles (T, 3, 3), targets (N, 3), all in front of the eye. Moller-Trumbore in double precision.
+    """All of them: triangles (T, 3, 3), targets (N, 3), all in front of the eye. Moller-Trumbore in
+    double precision.
 
-    A line can only meet a triangle whose image has the target's within its box: pairs come from a grid over the image.
-    """
+    A line can only meet a triangle whose image has the target's within its box: pairs come from a
+    grid over the image."""
     forward = targets.mean(axis=0) - eye
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, np.eye(3)[np.abs(forward).argmin()])
@@ -90,8 +91,8 @@ def crossings(corners: np.ndarray, eye: np.ndarray, targets: np.ndarray) -> Cros
 
 @dataclass(frozen=True)
 class Places:
-    """Points (N,) on lines of a surface, one per straight piece of line: their face, barycentric coordinates, the
-    piece's length, its kind, and whether that kind is an edge of the mesh."""
+    """Points (N,) on lines of a surface, one per straight piece of line: their face, barycentric
+    coordinates, the piece's length, its kind, and whether that kind is an edge of the mesh."""
 
     face: np.ndarray
     bary: np.ndarray
@@ -134,7 +135,8 @@ def by_rule(surface: Surface, eye: np.ndarray, places: Places) -> np.ndarray:
 
 
 def by_mesh(surface: Surface, eye: np.ndarray, places: Places) -> np.ndarray:
-    """The facets as they stand: whatever does not touch a point's own face hides it, be it by a hair of a fold."""
+    """The facets as they stand: whatever does not touch a point's own face hides it, be it by a
+    hair of a fold."""
     found = crossings(surface.vertices[surface.faces], eye, places.on(surface, surface.vertices))
     own = _touches(surface, found.triangle, places.face[found.target])
     return _seen(len(places.face), found.target[~own & (found.gap > 1e-6)])
@@ -143,8 +145,8 @@ def by_mesh(surface: Surface, eye: np.ndarray, places: Places) -> np.ndarray:
 def by_curved_faces(
     surface: Surface, eye: np.ndarray, places: Places, parts: int = 3
 ) -> np.ndarray:
-    """Every face as a curved point-normal triangle (Vlachos 2001), cut into parts^2, and the places lifted onto it by
-    a tenth of an edge: the smooth surface whose normals the mesh has."""
+    """Every face as a curved point-normal triangle (Vlachos 2001), cut into parts^2, and the places
+    lifted onto it by a tenth of an edge: the smooth surface whose normals the mesh has."""
     corner, normal = surface.vertices[surface.faces], surface.normals[surface.faces]
     middle = {}
     for i in range(3):
@@ -189,8 +191,8 @@ def by_curved_faces(
 def by_formula(
     height: Callable, eye: np.ndarray, position: np.ndarray, slack: float, steps: int = 1500
 ) -> np.ndarray:
-    """The surface height(points (N, 3)) = 0, positive outside and nearly a distance: seen where the way to the eye
-    never lies deeper than `slack`, the distance between mesh and surface."""
+    """The surface height(points (N, 3)) = 0, positive outside and nearly a distance: seen where the
+    way to the eye never lies deeper than `slack`, the distance between mesh and surface."""
     seen = np.ones(len(position), bool)
     for t in np.linspace(0.0, 1.0, steps)[1:]:
         left = np.flatnonzero(seen)

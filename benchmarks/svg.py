@@ -1,13 +1,15 @@
-"""SVG of 303 strokes in three styles, in every encoding: size, seconds, and agreement with the direct raster.
+"""SVG of 303 strokes in three styles, in every encoding: size, seconds, and agreement with the
+direct raster.
 
-    python benchmarks/svg.py [--dense] [--renderers resvg,chromium,rsvg-convert,inkscape] [--scales 1,4]
+    python benchmarks/svg.py [--dense] [--renderers resvg,chromium,rsvg-convert,inkscape] [--scales
+    1,4]
                              [--styles grain,soft,coloured] [DRAWING.svg ...]
 
-Drawings that `render` wrote take the styles' place: they are read, and written in every encoding. Error is the mean
-absolute difference, of 255, between the SVG as a program renders it and `painting.rasterise`. Strokes of the styles are
-30 to 183 px long; with --dense all are 183 px (18.8k points), and cover three times as much of the page as drawings of
-shapes do. Programs that are not installed are left out, and named.
-"""
+Drawings that `render` wrote take the styles' place: they are read, and written in every encoding.
+Error is the mean absolute difference, of 255, between the SVG as a program renders it and
+`painting.rasterise`. Strokes of the styles are 30 to 183 px long; with --dense all are 183 px
+(18.8k points), and cover three times as much of the page as drawings of shapes do. Programs that
+are not installed are left out, and named."""
 
 import argparse
 import gzip
@@ -60,7 +62,8 @@ def strokes(count, seed, thickness=6.0, shortest=POINTS):
 
 
 def exemplar(style, lines, seed):
-    """A drawing of the strokes on white: charcoal, a wash with soft edges, or chalk of changing hue."""
+    """A drawing of the strokes on white: charcoal, a wash with soft edges, or chalk of changing
+    hue."""
     rng = np.random.default_rng(seed)
     ink = {"grain": [0.1, 0.1, 0.1], "soft": [0.2, 0.35, 0.55], "coloured": [0.6, 0.2, 0.1]}[style]
     flat = rasterise(Drawing(lines, (SIZE, SIZE), np.tile([*ink, 1.0], (len(lines), 1)))) / 255.0
@@ -92,7 +95,7 @@ def drawing(style, shortest):
     return Drawing(many, (SIZE, SIZE), color, texture)
 
 
-# ---------------------------------------------------------------------------------------------------- the programs
+# ------------------------------------------------------------------------------------- the programs
 
 
 def by_program(command):

@@ -1,4 +1,5 @@
-"""The default lines of a folder of meshes, from two sides each, on one sheet: docs/contact-sheet.png.
+"""The default lines of a folder of meshes, from two sides each, on one sheet:
+docs/contact-sheet.png.
 
 python docs/contact_sheet.py MESHES [-o OUT.png] [--columns 5]
 """
@@ -17,7 +18,8 @@ from strokestyle.geometry.curves import Curves
 from strokestyle.mesh.surface import load_surface
 
 VIEWS = ("three-quarter", "side")
-FACING = {  # meshes that do not look towards the front, or lie down: two views that show what they are
+# meshes that do not look towards the front, or lie down: two views that show what they are
+FACING = {
     "cat": ("210,20", "three-quarter"),
     "fish": ("30,15", "side"),
     "hammer": ("30,15", "-150,30"),

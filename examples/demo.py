@@ -1,6 +1,8 @@
-"""The demo: learn two hands from two drawings of the elephant and draw other shapes in them, into out/demo.
+"""The demo: learn two hands from two drawings of the elephant and draw other shapes in them, into
+out/demo.
 
-python examples/demo.py            needs `strokestyle` installed beside this python; `make demo` sees to that
+python examples/demo.py            needs `strokestyle` installed beside this python; `make demo`
+sees to that
 python examples/demo.py --docs     also store the overview as docs/overview.png
 """
 

@@ -1,4 +1,5 @@
-"""docs/edits.png: the paper's figure of edits on a drawing of our own, each made by one command. A minute, of a fit.
+"""docs/edits.png: the paper's figure of edits on a drawing of our own, each made by one command. A
+minute, of a fit.
 
 python examples/edits_picture.py
 """
@@ -19,7 +20,8 @@ EDITS = {  # what it is called: the command's words; FINGER is the id of the for
 
 
 def forefinger(file) -> str:
-    """The id of the long stroke whose middle lies farthest to the upper right: it runs round the tip of a finger."""
+    """The id of the long stroke whose middle lies farthest to the upper right: it runs round the
+    tip of a finger."""
     found = read_svg_file(file)
     strokes, length = found.drawing.strokes, lengths(found.drawing)
     middle = strokes.xy[(strokes.offsets[:-1] + strokes.offsets[1:]) // 2]

@@ -6,8 +6,8 @@
     teapot     Martin Newell's teapot of 1975, from its Bezier control points
     cloth      a square cloth let fall over a ball, simulated (an open surface)
 
-Every shape is y up and faces +z or thereabouts. Numpy only, no randomness: the same script writes the same bytes.
-"""
+Every shape is y up and faces +z or thereabouts. Numpy only, no randomness: the same script writes
+the same bytes."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ Mesh = tuple[
 ]  # vertices (V, 3) float, faces (F, 3) int, counter-clockwise from outside
 
 
-# ---------------------------------------------------------------------------------------------- distances
+# ---------------------------------------------------------------------------------------- distances
 
 
 def ellipsoid(p, centre, radii, turn=None):
-    """Nearly the distance to an ellipsoid (or ellipse); `turn` (3, 3) takes world directions to its axes."""
+    """Nearly the distance to an ellipsoid (or ellipse); `turn` (3, 3) takes world directions to its
+    axes."""
     q = p - centre
     if turn is not None:
         q = q @ turn.T
@@ -39,7 +40,8 @@ def ellipsoid(p, centre, radii, turn=None):
 
 
 def spline(points) -> np.ndarray:
-    """The natural cubic spline through the points (n, d): coefficients (n-1, 4, d) of 1, t, t^2, t^3."""
+    """The natural cubic spline through the points (n, d): coefficients (n-1, 4, d) of 1, t, t^2,
+    t^3."""
     points = np.asarray(points, float)
     n = len(points)
     a = 4.0 * np.eye(n) + np.eye(n, k=1) + np.eye(n, k=-1)
@@ -59,7 +61,8 @@ def spline(points) -> np.ndarray:
 
 
 def tube(p, points, radii):
-    """A round rod along the smooth curve through the points, its radius passing smoothly through the radii."""
+    """A round rod along the smooth curve through the points, its radius passing smoothly through
+    the radii."""
     c = spline(np.column_stack([points, radii]))
     t = np.linspace(0.0, len(c), 6 * len(c) + 1)
     trial = at(c, t)[0][:, :3]
@@ -83,7 +86,8 @@ def at(c, t):
 
 
 def near(p, centre, radius, part: Field):
-    """`part`, worked out only in a ball that holds it; outside, the distance to the ball, which is less."""
+    """`part`, worked out only in a ball that holds it; outside, the distance to the ball, which is
+    less."""
     far = np.linalg.norm(p - centre, axis=1) - radius
     out = far + 0.08
     inside = far < 0.0
@@ -114,7 +118,7 @@ def turn(axis: str, degrees: float) -> np.ndarray:
     return m
 
 
-# ---------------------------------------------------------------------------------------------- polygons
+# ----------------------------------------------------------------------------------------- polygons
 
 
 def normal(f: Field, p: np.ndarray, step=1e-5) -> tuple[np.ndarray, np.ndarray]:
@@ -132,7 +136,8 @@ def project(f: Field, p: np.ndarray, steps=3) -> np.ndarray:
 
 
 def sample(f: Field, low, high, h) -> tuple[np.ndarray, np.ndarray]:
-    """Values on a grid of spacing h; away from the surface only the sign is right. Returns values, origin."""
+    """Values on a grid of spacing h; away from the surface only the sign is right. Returns values,
+    origin."""
     shape = 4 * np.ceil((np.asarray(high, float) - low) / (4 * h)).astype(int)
     corners = np.indices(shape // 4).reshape(3, -1).T * 4
     coarse = f(low + h * (corners + 1.5))
@@ -143,7 +148,8 @@ def sample(f: Field, low, high, h) -> tuple[np.ndarray, np.ndarray]:
 
 
 def settle(values) -> np.ndarray:
-    """Change signs next to the surface until no face of the grid has + - + - round it, where meshes would pinch."""
+    """Change signs next to the surface until no face of the grid has + - + - round it, where meshes
+    would pinch."""
     while True:
         doubtful = []
         inside = values < 0
@@ -162,8 +168,9 @@ def settle(values) -> np.ndarray:
 
 
 def surface_nets(f: Field, low, high, h, sharp=False) -> Mesh:
-    """The surface f = 0 in the box, by dual polygons: a vertex in every cell of the grid that the surface crosses,
-    a quad round every grid edge that it crosses, cut along the diagonal that lies nearer to the surface.
+    """The surface f = 0 in the box, by dual polygons: a vertex in every cell of the grid that the
+    surface crosses, a quad round every grid edge that it crosses, cut along the diagonal that lies
+    nearer to the surface.
 
     With `sharp`, vertices look for the edges and corners of the surface.
     """
@@ -196,12 +203,12 @@ def surface_nets(f: Field, low, high, h, sharp=False) -> Mesh:
 
 
 def sharpen(f: Field, points, quads, h) -> np.ndarray:
-    """Vertices (V, 3) on the surface, and on its edges and corners in the cells that hold one (dual contouring).
+    """Vertices (V, 3) on the surface, and on its edges and corners in the cells that hold one (dual
+    contouring).
 
-    `points` (Q, 3) are where the grid edge of each quad meets the surface. A vertex goes where the planes there meet,
-    then slides towards the mean of its neighbours in what directions the planes leave open: two, one on an edge, none
-    in a corner.
-    """
+    `points` (Q, 3) are where the grid edge of each quad meets the surface. A vertex goes where the
+    planes there meet, then slides towards the mean of its neighbours in what directions the planes
+    leave open: two, one on an edge, none in a corner."""
     around = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     around = (
         0.15 * h * around * [1.0, 0.87, 0.93]
@@ -235,7 +242,8 @@ def sharpen(f: Field, points, quads, h) -> np.ndarray:
 
 
 def meet(square, pull) -> tuple[np.ndarray, np.ndarray]:
-    """The least x (V, 3) with square x = pull, and the projection (V, 3, 3) onto what the squares leave open."""
+    """The least x (V, 3) with square x = pull, and the projection (V, 3, 3) onto what the squares
+    leave open."""
     size, way = np.linalg.eigh(square)
     held = size > 0.08 * size[:, 2:]
     inverse = np.where(held, 1.0 / np.maximum(size, 1e-12), 0.0)
@@ -244,7 +252,8 @@ def meet(square, pull) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cut_quads(f: Field, vertices, quads) -> np.ndarray:
-    """Quads (Q, 4) -> triangles (2Q, 3), along the diagonal nearer to the surface that leaves fair triangles."""
+    """Quads (Q, 4) -> triangles (2Q, 3), along the diagonal nearer to the surface that leaves fair
+    triangles."""
     cost = []
     for i in (0, 1):
         a, b, c, d = (vertices[quads[:, (i + k) % 4]] for k in range(4))
@@ -272,7 +281,8 @@ def weld(mesh: Mesh, length: float) -> Mesh:
 
 
 def neighbours_mean(faces, vertices, dimension=None) -> np.ndarray:
-    """The mean of each vertex's neighbours (V, 3), on a closed mesh; for a vertex on an edge, of those on edges."""
+    """The mean of each vertex's neighbours (V, 3), on a closed mesh; for a vertex on an edge, of
+    those on edges."""
     i, j = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     if dimension is not None:
         keep = (dimension[i] > 1) | (dimension[j] <= 1)
@@ -283,7 +293,8 @@ def neighbours_mean(faces, vertices, dimension=None) -> np.ndarray:
 
 
 def relax(f: Field, mesh: Mesh, steps=8) -> Mesh:
-    """Even out the triangles: vertices slide along the surface towards the mean of their neighbours."""
+    """Even out the triangles: vertices slide along the surface towards the mean of their
+    neighbours."""
     vertices, faces = mesh
     for _ in range(steps):
         value, g = normal(f, vertices)
@@ -294,7 +305,8 @@ def relax(f: Field, mesh: Mesh, steps=8) -> Mesh:
 
 
 def refine(f: Field, mesh: Mesh, degrees: float, least: float) -> Mesh:
-    """Halve every edge along which the surface turns by more than that, unless it is shorter than `least`."""
+    """Halve every edge along which the surface turns by more than that, unless it is shorter than
+    `least`."""
     vertices, faces = mesh
     pairs = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     edges, edge_of = np.unique(pairs, axis=0, return_inverse=True)
@@ -327,7 +339,8 @@ def refine(f: Field, mesh: Mesh, degrees: float, least: float) -> Mesh:
 
 
 def polygonise(f: Field, low, high, h, degrees=30.0) -> Mesh:
-    """The smooth surface f = 0 in the box: triangles of size h, smaller where the surface turns quickly."""
+    """The smooth surface f = 0 in the box: triangles of size h, smaller where the surface turns
+    quickly."""
     mesh = relax(f, even_valence(surface_nets(f, low, high, h)), 4)
     for least in (0.5 * h, 0.3 * h):
         mesh = relax(f, even_valence(refine(f, mesh, degrees, least)), 3)
@@ -358,7 +371,8 @@ def even_valence(mesh: Mesh, rounds=4) -> Mesh:
 
 
 def open_needles(f: Field, mesh: Mesh, degrees=8.0, rounds=6) -> Mesh:
-    """Flip edges to open the triangles whose least angle is below that, where the new edge stays on the surface."""
+    """Flip edges to open the triangles whose least angle is below that, where the new edge stays on
+    the surface."""
     vertices, faces = mesh
 
     def least(i, j, k):
@@ -384,7 +398,8 @@ def open_needles(f: Field, mesh: Mesh, degrees=8.0, rounds=6) -> Mesh:
 
 
 def corners(faces) -> tuple:
-    """For every half-edge a -> b (3F,): a, b, the corner c opposite it, the corner d across it, and its twin b -> a."""
+    """For every half-edge a -> b (3F,): a, b, the corner c opposite it, the corner d across it, and
+    its twin b -> a."""
     a, b, c = faces.ravel(), np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
     size = faces.max() + 1
     order = np.argsort(a * size + b)
@@ -393,7 +408,8 @@ def corners(faces) -> tuple:
 
 
 def flip(faces, gain) -> np.ndarray:
-    """Turn the edges a-b with a positive `gain` (3F,) into c-d, best first, no two that share a vertex."""
+    """Turn the edges a-b with a positive `gain` (3F,) into c-d, best first, no two that share a
+    vertex."""
     a, b, c, d, twin = corners(faces)
     size = faces.max() + 1
     known = np.isin(np.minimum(c, d) * size + np.maximum(c, d), (a * size + b)[a < b])
@@ -409,7 +425,7 @@ def flip(faces, gain) -> np.ndarray:
     return faces
 
 
-# ---------------------------------------------------------------------------------------------- the shapes
+# --------------------------------------------------------------------------------------- the shapes
 
 
 def sides(p):
@@ -602,7 +618,8 @@ def hand() -> Mesh:
 
 
 def bracket() -> Mesh:
-    """A cast bracket: base with bolt holes and a slot, upright with a bored boss, two ribs, fillets between them."""
+    """A cast bracket: base with bolt holes and a slot, upright with a bored boss, two ribs, fillets
+    between them."""
 
     def rectangle(a, b, half, r):
         q = np.stack([np.abs(a) - half[0] + r, np.abs(b) - half[1] + r])
@@ -643,14 +660,15 @@ def bracket() -> Mesh:
 def teapot() -> Mesh:
     """Martin Newell's teapot in Blinn's proportions.
 
-    The numbers are those of his control points as they have been passed on since 1975 (M. E. Newell, The Utilization of
-    Procedure Models in Digital Image Synthesis, Ph.D. thesis, University of Utah; GLUT's and S. J. Baker's listings
-    agree). Rim, body, lid and bottom repeat one quarter four times; handle and spout are halves and mirror images.
-    Two liberties: the lid is widened by 1.4/1.3 so that it closes the pot, and handle and spout begin where they leave
-    the body.
-    """
+    The numbers are those of his control points as they have been passed on since 1975 (M. E.
+    Newell, The Utilization of Procedure Models in Digital Image Synthesis, Ph.D. thesis, University
+    of Utah; GLUT's and S. J. Baker's listings agree). Rim, body, lid and bottom repeat one quarter
+    four times; handle and spout are halves and mirror images. Two liberties: the lid is widened by
+    1.4/1.3 so that it closes the pot, and handle and spout begin where they leave the body."""
     fit = 1.4 / 1.3
-    profile = [  # per cubic: radius, height of four control points, from the knob's top to the middle of the bottom
+    # per cubic: radius, height of four control points, from the knob's top to the middle of the
+    # bottom
+    profile = [
         [(0.0, 3.15), (0.8, 3.15), (0.0, 2.85), (0.2, 2.7)],
         [(0.2, 2.7), (0.4 * fit, 2.55), (1.3 * fit, 2.55), (1.3 * fit, 2.4)],
         [(1.4, 2.4), (1.3375, 2.53125), (1.4375, 2.53125), (1.5, 2.4)],
@@ -755,7 +773,8 @@ def teapot() -> Mesh:
 
 
 def loft(rings: list[np.ndarray]) -> Mesh:
-    """A skin over closed rings (n, 3) that run counter-clockwise seen from the first: n the same, half or double."""
+    """A skin over closed rings (n, 3) that run counter-clockwise seen from the first: n the same,
+    half or double."""
     faces, start = [], 0
     for a, b in zip(rings[:-1], rings[1:], strict=True):
         n, m = len(a), len(b)
@@ -780,7 +799,8 @@ def loft(rings: list[np.ndarray]) -> Mesh:
 
 
 def cloth() -> Mesh:
-    """A square cloth let fall over a ball: masses held at their distances, gravity, friction; then a smooth spline."""
+    """A square cloth let fall over a ball: masses held at their distances, gravity, friction; then
+    a smooth spline."""
     n, side, radius = 45, 2.3, 0.55
     ball = np.array([0.0, -radius, 0.0])
     u = np.linspace(-0.5, 0.5, n) * side
@@ -837,7 +857,8 @@ def cloth() -> Mesh:
 
 
 def spline_surface(net: np.ndarray, count: int) -> np.ndarray:
-    """Points (count, count, 3) of the uniform bicubic B-spline over a net of control points (n, n, 3)."""
+    """Points (count, count, 3) of the uniform bicubic B-spline over a net of control points (n, n,
+    3)."""
 
     def weights(n):
         t = np.linspace(0.0, n - 1.0, count)
@@ -858,7 +879,8 @@ def spline_surface(net: np.ndarray, count: int) -> np.ndarray:
 
 
 def write_ply(path: Path, mesh: Mesh) -> None:
-    """Binary PLY: centred, longest side 1, vertices rounded to 1e-5 so that the last bits of a libm do not show."""
+    """Binary PLY: centred, longest side 1, vertices rounded to 1e-5 so that the last bits of a libm
+    do not show."""
     vertices, faces = mesh
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     vertices = np.round((vertices - 0.5 * (low + high)) / (high - low).max(), 5) + 0.0

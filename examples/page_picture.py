@@ -1,4 +1,5 @@
-"""docs/page.png: the page of `strokestyle view`, with a fingertip being dragged. Needs chromium; two minutes, of fits.
+"""docs/page.png: the page of `strokestyle view`, with a fingertip being dragged. Needs chromium;
+two minutes, of fits.
 
 python examples/page_picture.py
 """

@@ -1,12 +1,13 @@
-"""Our own feature curves in the form that the artist of the shared data draws from: the most that a style can score.
+"""Our own feature curves in the form that the artist of the shared data draws from: the most that a
+style can score.
 
     python experiments/artist_lines.py SHARED OUT [--shapes bunny,cow,fandisk] [--seed 4242]
 
-Extracts the lines of SHARED/shapes/<shape>/mesh.obj as seen by camera.json, writes them with the surface's fields along
-them to OUT/curves/<shape>.json, and has SHARED/artist/artist.py draw them in each of its styles to
-OUT/drawings/<style>/<shape>.png, to be scored like drawings of ours. Says of every shape how much of the length of the
-given curves lies within NEAR px of ours, and the other way round.
-"""
+Extracts the lines of SHARED/shapes/<shape>/mesh.obj as seen by camera.json, writes them with the
+surface's fields along them to OUT/curves/<shape>.json, and has SHARED/artist/artist.py draw them in
+each of its styles to OUT/drawings/<style>/<shape>.png, to be scored like drawings of ours. Says of
+every shape how much of the length of the given curves lies within NEAR px of ours, and the other
+way round."""
 
 import argparse
 import json

@@ -1,12 +1,14 @@
-"""Learn styles from one drawing each and draw other shapes, to be compared with the artist's own drawings of them.
+"""Learn styles from one drawing each and draw other shapes, to be compared with the artist's own
+drawings of them.
 
-    python experiments/score_styles.py SHARED OUT [--preset quick] [--styles a,b] [--own-lines] [--seed 0]
+    python experiments/score_styles.py SHARED OUT [--preset quick] [--styles a,b] [--own-lines]
+    [--seed 0]
 
-SHARED holds shapes/<shape>/{mesh.obj,camera.json,curves.json} and styles/<style>/<shape>/drawing.png; without it the
-environment's STROKESTYLE_SHARED is used. Every style is learned from `--train` and drawn on the other shapes to
-OUT/<style>/<shape>.png, rasterised by resvg from the SVG beside it. What is there already is not made again, so that a
-run may be stopped and started; OUT/times.jsonl gets a line of seconds for each thing made.
-"""
+SHARED holds shapes/<shape>/{mesh.obj,camera.json,curves.json} and
+styles/<style>/<shape>/drawing.png; without it the environment's STROKESTYLE_SHARED is used. Every
+style is learned from `--train` and drawn on the other shapes to OUT/<style>/<shape>.png, rasterised
+by resvg from the SVG beside it. What is there already is not made again, so that a run may be
+stopped and started; OUT/times.jsonl gets a line of seconds for each thing made."""
 
 import argparse
 import json

@@ -1,16 +1,19 @@
-"""Learned thickness and centre lines against what the artist's hand did on the drawing that was learned from.
+"""Learned thickness and centre lines against what the artist's hand did on the drawing that was
+learned from.
 
     python experiments/stroke_truth.py SHARED [--shape spot] [--styles a,b] [--preset standard]
 
 SHARED (or STROKESTYLE_SHARED) holds shapes/<shape>/{mesh.obj,camera.json,curves.json} and
 styles/<style>/<shape>/{drawing.png,truth.json}. Over all points of the truth that lie on a curve:
 
-thickness    Pearson's correlation of thickness with the width of the nearest truth point, and with its ink (coverage
+thickness    Pearson's correlation of thickness with the width of the nearest truth point, and with
+its ink (coverage
              across the stroke), which is what media led by opacity vary
-displacement median distance from the drawn centre line to ours, and to the curves as they were given ("plain")
+displacement median distance from the drawn centre line to ours, and to the curves as they were
+given ("plain")
 
-"style" is what the style means to draw there, "traced" the strokes that the fit found in the drawing itself.
-"""
+"style" is what the style means to draw there, "traced" the strokes that the fit found in the
+drawing itself."""
 
 import argparse
 import json
@@ -56,7 +59,8 @@ def truth_points(path: Path):
 
 
 def nearest(lines, points):
-    """Distance (n,) px from points to polylines (xy, offsets), and where along the rows the nearest lies."""
+    """Distance (n,) px from points to polylines (xy, offsets), and where along the rows the nearest
+    lies."""
     xy, _, (row,) = resample(lines.xy, lines.offsets, STEP, np.arange(len(lines.xy), dtype=float))
     distance, index = cKDTree(xy).query(points)
     return distance, row[index]

@@ -1,4 +1,5 @@
-"""Closed-form surfaces: triangles, and the quantities that they approximate, in the shape's own units."""
+"""Closed-form surfaces: triangles, and the quantities that they approximate, in the shape's own
+units."""
 
 from dataclasses import dataclass
 
@@ -7,8 +8,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Shape:
-    """vertices (V, 3), faces (F, 3) counter-clockwise from outside; at each vertex: unit normal (V, 3), principal
-    curvatures k1, k2 (V,) (convex positive, |k1| >= |k2|), direction of k1 (V, 3) where it is defined."""
+    """vertices (V, 3), faces (F, 3) counter-clockwise from outside; at each vertex: unit normal (V,
+    3), principal curvatures k1, k2 (V,) (convex positive, |k1| >= |k2|), direction of k1 (V, 3)
+    where it is defined."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -96,7 +98,8 @@ def cylinder(radius=0.5, height=2.0, around=64, rows=33):
 
 
 def height_field(z, first, second, size=1.0, n=41):
-    """z(x, y) over a square, seen from +z. `first`: (z_x, z_y); `second`: (z_xx, z_xy, z_yy), functions of x, y."""
+    """z(x, y) over a square, seen from +z. `first`: (z_x, z_y); `second`: (z_xx, z_xy, z_yy),
+    functions of x, y."""
     y, x = np.meshgrid(np.linspace(-size, size, n), np.linspace(-size, size, n), indexing="ij")
     x, y = x.ravel(), y.ravel()
     (p, q), (r, s, t) = first(x, y), second(x, y)
@@ -128,7 +131,8 @@ def saddle(n=41):
 
 
 def ridge(n=61, width=0.3, height=0.2):
-    """A rounded ridge along the line x = 0.2 y: z = height exp(-(u / width)^2 / 2) with u the distance to it."""
+    """A rounded ridge along the line x = 0.2 y: z = height exp(-(u / width)^2 / 2) with u the
+    distance to it."""
     c, s = 1 / np.hypot(1, 0.2), -0.2 / np.hypot(1, 0.2)  # u = c x + s y
 
     def parts(x, y):
@@ -194,7 +198,8 @@ def wheel(spokes=5):
 
 
 def obj_text(parts):
-    """{name: Shape} as a Wavefront OBJ file, an object each; "" is none, which can be but the first."""
+    """{name: Shape} as a Wavefront OBJ file, an object each; "" is none, which can be but the
+    first."""
     lines, done = [], 1
     for name, shape in parts.items():
         lines += [f"o {name}"] * bool(name) + [

@@ -2,9 +2,8 @@
 
     python tests/svg_programs.py
 
-writes tests/golden/svg anew, with the programs that are installed: Inkscape, scour and svgo. Those called format2 stay:
-version 2 of the format had every stroke's texture in an attribute.
-"""
+writes tests/golden/svg anew, with the programs that are installed: Inkscape, scour and svgo. Those
+called format2 stay: version 2 of the format had every stroke's texture in an attribute."""
 
 import shutil
 import subprocess
@@ -86,7 +85,8 @@ def run(command: str, source: Path, target: Path) -> bool:
 
 
 def by_hand(source: Path, target: Path) -> bool:
-    """What a hand does in Inkscape: strokes moved, turned, scaled, doubled, deleted, grouped; a layer moved."""
+    """What a hand does in Inkscape: strokes moved, turned, scaled, doubled, deleted, grouped; a
+    layer moved."""
     if not shutil.which("inkscape"):
         return False
     command = ["inkscape", str(source), f"--actions={BY_HAND.format(target)}"]

@@ -1,4 +1,5 @@
-"""The committed shapes and drawings are what the README says, and the script that made them still makes them."""
+"""The committed shapes and drawings are what the README says, and the script that made them still
+makes them."""
 
 import importlib.util
 from pathlib import Path
@@ -34,7 +35,7 @@ def read(name):
     return trimesh.load(EXAMPLES / "shapes" / f"{name}.ply", process=False)
 
 
-# ------------------------------------------------------------------------------------------------------------ shapes
+# ------------------------------------------------------------------------------------------- shapes
 
 
 def test_every_shape_of_the_script_is_committed_and_no_other():
@@ -84,7 +85,7 @@ def test_script_makes_the_committed_teapot(tmp_path):
     assert np.abs(again.vertices - committed.vertices).max() < 2e-5
 
 
-# --------------------------------------------------------------------------------------- the parts they are made from
+# --------------------------------------------------------------------- the parts they are made from
 
 
 def sphere(p):
@@ -142,7 +143,7 @@ def test_refining_keeps_a_mesh_closed():
     assert again.is_watertight and again.is_winding_consistent and len(again.faces) == len(faces)
 
 
-# ---------------------------------------------------------------------------------------------------------- drawings
+# ----------------------------------------------------------------------------------------- drawings
 
 
 @pytest.fixture(scope="module")

@@ -72,7 +72,8 @@ def along(strokes):
 
 
 def core(texture, strokes, i, part=0.5):
-    """Straight RGBA of strip i within `part` of the thickness, and without the caps: (n, a, 4) in [0, 1]."""
+    """Straight RGBA of strip i within `part` of the thickness, and without the caps: (n, a, 4) in
+    [0, 1]."""
     band = ribbon(strokes, i, texture.margin[i])
     strip = texture.rgba[texture.offsets[i] : texture.offsets[i + 1]] / 255.0
     n, a = strip.shape[:2]
@@ -82,7 +83,7 @@ def core(texture, strokes, i, part=0.5):
     return strip[cap : n - cap, v * (half + texture.margin[i]) < part * half]
 
 
-# ------------------------------------------------------------------------------------------------ flat or strips
+# ----------------------------------------------------------------------------------- flat or strips
 
 
 def test_clean_ink_becomes_flat_ink():
@@ -119,12 +120,13 @@ def test_grain_is_copied_with_its_contrast_and_size():
     assert step[0] == pytest.approx(step[1], rel=0.2)
 
 
-# ------------------------------------------------------------------------------------------------------ features
+# ----------------------------------------------------------------------------------------- features
 
 
 def test_colour_and_opacity_follow_the_features():
     train, new = lines(9, 0), lines(6, 1)
-    # tone by a feature: red and faint at 0, blue and strong at 1, along strokes of which half run the other way
+    # tone by a feature: red and faint at 0, blue and strong at 1, along strokes of which half run
+    # the other way
     feature = along(train)
     feature[train.offsets[4] :] = 1 - feature[train.offsets[4] :]
     strips = []
@@ -258,7 +260,7 @@ def test_a_closed_stroke_joins_up():
     assert np.abs(middle[0] - middle[-1]).mean() < np.quantile(usual, 0.98) + 5
 
 
-# --------------------------------------------------------------------------------------------------- robustness
+# --------------------------------------------------------------------------------------- robustness
 
 
 def test_the_same_seed_gives_the_same_texture_and_another_seed_another():
