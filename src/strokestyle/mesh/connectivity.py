@@ -13,8 +13,9 @@ from .triangles import Edges, clashes, face_normals, row_dot
 
 @dataclass(frozen=True, eq=False)
 class Connectivity:
-    """Which faces of a mesh meet at which edges; each answer is worked out once, when it is asked for.
+    """Which faces of a mesh meet at which edges.
 
+    Each answer is worked out once, when it is asked for.
     Surfaces of the same triangles share one, whatever normals and curvatures they have.
 
     Parameters

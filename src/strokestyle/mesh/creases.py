@@ -33,9 +33,9 @@ def creases(
     flat next to it; the sharp edges of noise and of details too fine for the mesh zigzag, between
     sides that bend as much. So edges of more than WEAK `angle` are chained to the straightest ones
     that follow them. Of a chain those that exceed `angle` are kept where they reach far enough: the
-    farther, the rounder its sides are. Where they make up half of it, all of it is kept, and so is an
-    edge that fills a gap between two such. Those that are FOLDED over are faults of the mesh, or the
-    edge of a blade: they must reach LONG.
+    farther, the rounder its sides are. Where they make up half of it, all of it is kept, and so is
+    an edge that fills a gap between two such. Those that are FOLDED over are faults of the mesh, or
+    the edge of a blade: they must reach LONG.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def creases(
 
 
 def chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Number the chains of edges with ends (M, 2) and directions (M, 3): the chain (M,) of each edge.
+    """Number the chains of edges with ends (M, 2) and directions (M, 3), (M,) int.
 
     At a vertex two edges go on as each other where each is the other's straightest continuation.
     """
@@ -90,7 +90,10 @@ def chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _pairs_at_vertices(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pair the ends of edges (M, 2) that are at one vertex: numbers (P,) of both, end j of edge i as 2 i + j."""
+    """Pair the ends of edges (M, 2) that are at one vertex.
+
+    Returns the numbers (P,) of both; end j of edge i is 2 i + j.
+    """
     order = np.argsort(ends.ravel(), kind="stable")
     start = runs(ends.ravel()[order])
     degree = np.diff(start)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -12,14 +13,18 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from .triangles import TINY, Edges, row_dot, scatter_sum, side_vectors, unit_rows
 
+Blur = Callable[[np.ndarray], np.ndarray]
+
 BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
 MIN_SORTED = 8  # steps of smoothing, from which on it pays to put vertices in order
 MAX_EXTRAPOLATED = 30.0  # degrees that an extrapolated normal may turn from the averaged one
 
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Average face normals at the vertices (V, 3), unit: weighted as in Max 1999, which is exact for
-    points on a sphere."""
+    """Average face normals at the vertices, unit (V, 3).
+
+    They are weighted as in Max 1999, which is exact for points on a sphere.
+    """
     side = side_vectors(vertices, faces)
     cross = np.cross(side[0], side[1])
     square = [np.maximum(row_dot(s, s), TINY) for s in side]
@@ -48,7 +53,7 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _extrapolate_boundary_normals(
     vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, edges: Edges
 ) -> np.ndarray:
-    """Extrapolate the normals on boundaries and creases instead of averaging there: all normals (V, 3).
+    """Extrapolate the normals on boundaries and creases instead of averaging: all of them (V, 3).
 
     A vertex with faces on one side only has the normal of a place half an edge away, which spoils
     the curvature for two rings of vertices. There the face normals of two rings, each true at its
@@ -75,7 +80,7 @@ def _extrapolate_boundary_normals(
 def _two_rings(
     faces: np.ndarray, chosen: np.ndarray, vertices: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pair `chosen` vertices (M,) with the faces within two rings of them: index into it, and face."""
+    """Pair `chosen` vertices (M,) with the faces within two rings: index into it, and face."""
     corner_face = np.repeat(np.arange(len(faces)), 3)
     touches = csr_matrix(
         (np.ones(faces.size), (faces.ravel(), corner_face)), shape=(vertices, len(faces))
@@ -87,7 +92,7 @@ def _two_rings(
 def _fit_linear(
     vertex: np.ndarray, at: np.ndarray, area: np.ndarray, unit: np.ndarray, count: int
 ) -> np.ndarray:
-    """Fit unit normals by fields that are linear in the tangent plane of `count` vertices: their values there.
+    """Fit unit normals by linear fields in the tangent planes of `count` vertices: values there.
 
     Parameters
     ----------
@@ -109,15 +114,17 @@ def _fit_linear(
 
 
 def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Voronoi area of each corner (F, 3): the part of the face nearer to it than to the other two.
+    """Measure the Voronoi area of each corner (F, 3): what of the face is nearest to it.
 
-    An obtuse face is cut by the bisectors of its two shorter sides (Rusinkiewicz 2004), so that no share is negative.
+    An obtuse face is cut by the bisectors of its two shorter sides (Rusinkiewicz 2004), so that no
+    share is negative.
     """
     side = side_vectors(vertices, faces)
     cross = np.cross(side[0], side[1])
     area = 0.5 * np.sqrt(row_dot(cross, cross))
     square = [row_dot(s, s) for s in side]
-    # barycentric weights of the circumcentre, which is outside the face where one of them is negative
+    # barycentric weights of the circumcentre, which is outside the face where one of them is
+    # negative
     weight = [square[i] * (square[i - 2] + square[i - 1] - square[i]) for i in range(3)]
     scale = 0.5 * area / np.maximum(weight[0] + weight[1] + weight[2], TINY)
     areas = [scale * (weight[i - 2] + weight[i - 1]) for i in range(3)]
@@ -132,7 +139,10 @@ def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _tangent_frame(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit tangents (V, 3) with x cross y = normal, without square roots or special cases (Duff et al. 2017)."""
+    """Make two unit tangents (V, 3) with x cross y = normal, after Duff et al. 2017.
+
+    Without square roots or special cases.
+    """
     nx, ny, nz = normals.T
     sign = np.where(nz >= 0.0, 1.0, -1.0)
     a = -1.0 / (sign + nz)
@@ -144,7 +154,7 @@ def _tangent_frame(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _solve_tridiagonal(diagonal: list, off: list, right: list, rtsc: bool = False) -> list:
-    """Solve many small symmetric positive tridiagonal systems at once; each entry is a row of all of them.
+    """Solve many small symmetric positive tridiagonal systems; each entry is a row of all.
 
     `rtsc` : leave the last pivot of 3 x 3 systems as it is, the slip of trimesh2's solver.
     """
@@ -197,10 +207,10 @@ def differential_geometry(
     vertices : (V, 3) float64
     faces : (F, 3) int
     smooth : standard deviation, in mean edge lengths, of the smoothing of normals and curvatures
-    rtsc : the numbers of rtsc 1.6 to the last digit instead, for comparison with it. It differs from
-        the paper in that its 3 x 3 solver skips the last elimination step, which makes curvature
-        depend on the order of a face's corners, and in that it estimates the feature size from 500
-        vertices.
+    rtsc : the numbers of rtsc 1.6 to the last digit instead, for comparison with it. It differs
+        from the paper in that its 3 x 3 solver skips the last elimination step, which makes
+        curvature depend on the order of a face's corners, and in that it estimates the feature size
+        from 500 vertices.
     edges : those of the faces, where they are known
     """
     edges = Edges.of(faces, len(vertices)) if edges is None else edges
@@ -272,7 +282,7 @@ def _vertex_derivatives(
     deviator: np.ndarray,
     axis: np.ndarray,
 ) -> np.ndarray:
-    """Average the derivatives of the form over the faces, seen along the principal directions: (V, 4)."""
+    """Average the derivatives of the form, seen along the principal directions: (V, 4)."""
     one, three = np.empty(faces.shape, complex), np.empty(faces.shape, complex)
     for block, frame in blocks:
         one[block], three[block] = _derivatives(frame, mean[faces[block]], deviator[faces[block]])
@@ -292,11 +302,12 @@ def _vertex_derivatives(
 
 @dataclass(frozen=True)
 class _FaceFrames:
-    """Frames (t, b, n) of some faces (F,), and what turns them into the frames (x, y) of their corners.
+    """Frames (t, b, n) of some faces (F,), and what turns them into those of their corners.
 
     t, b : (F, 3)
     u, v : (3, F), the sides in the frame, side i opposite corner i
-    turn : (F, 3) complex, e^(i phi): t, seen in each corner's frame after the shortest rotation of n onto its normal
+    turn : (F, 3) complex, e^(i phi): t, seen in each corner's frame after the shortest rotation of
+        n onto its normal
     share : (F, 3), of each corner's average
     """
 
@@ -308,7 +319,10 @@ class _FaceFrames:
     share: np.ndarray
 
 
-def _face_frames(vertices, faces, share, normals) -> _FaceFrames:
+def _face_frames(
+    vertices: np.ndarray, faces: np.ndarray, share: np.ndarray, normals: np.ndarray
+) -> _FaceFrames:
+    """Set up the frames of faces (F, 3); `share` (F, 3) is that of each corner's average."""
     side = side_vectors(vertices, faces)
     t = unit_rows(side[0])
     n = unit_rows(np.cross(side[0], side[1]))
@@ -334,7 +348,10 @@ def _face_frames(vertices, faces, share, normals) -> _FaceFrames:
 
 
 def _forms(frame: _FaceFrames, normals: np.ndarray, rtsc: bool) -> tuple[np.ndarray, np.ndarray]:
-    """What each corner (F, 3) adds to its vertex's second fundamental form, II . side = dn: mean and deviator."""
+    """Fit the second fundamental form of each face: II . side = dn.
+
+    Returns what each corner (F, 3) adds to its vertex's form: mean and deviator.
+    """
     u, v = frame.u, frame.v
     uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
     dn = [normals[:, i - 1] - normals[:, i - 2] for i in range(3)]
@@ -350,7 +367,10 @@ def _forms(frame: _FaceFrames, normals: np.ndarray, rtsc: bool) -> tuple[np.ndar
 def _derivatives(
     frame: _FaceFrames, mean: np.ndarray, deviator: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What each corner (F, 3) adds to its vertex's derivative tensor, given the form at the corners: its two parts."""
+    """Fit the derivative of the form on each face, given the form at the corners (F, 3).
+
+    Returns what each corner (F, 3) adds to its vertex's tensor: its two parts.
+    """
     u, v = frame.u, frame.v
     uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
     turn_twice = frame.turn * frame.turn
@@ -379,8 +399,11 @@ def _derivatives(
 
 
 def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray, rtsc: bool = False) -> float:
-    """rtsc's unit of length for line thresholds: 0.01 / (10th percentile of |k1| and |k2|), at most
-    0.05 of the bounding sphere's radius. `rtsc` : over the 500 vertices that its random numbers pick."""
+    """Measure rtsc's unit of length for line thresholds.
+
+    0.01 / (10th percentile of |k1| and |k2|), at most 0.05 of the bounding sphere's radius.
+    `rtsc` : over the 500 vertices that its random numbers pick
+    """
     if rtsc:
         picked, state = [], 0
         for _ in range(min(len(k1), 500)):
@@ -395,7 +418,7 @@ def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray, rtsc: boo
 
 
 def bounding_radius(points: np.ndarray) -> float:
-    """Radius of the smallest sphere around points (N, 3), to 1e-6.
+    """Measure the radius of the smallest sphere around points (N, 3), to 1e-6.
 
     Grows a set of at most four support points by the point farthest outside their smallest sphere.
     """
@@ -411,8 +434,11 @@ def bounding_radius(points: np.ndarray) -> float:
 
 
 def _smallest_sphere(points: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
-    """Smallest sphere around at most five points, by trying every set that could carry it."""
-    best = None
+    """Find the smallest sphere around at most five points, by trying every set that could carry it.
+
+    Returns centre (3,), radius, and the points that carry it.
+    """
+    best = points[0], np.inf, points[:1]
     for size in range(1, min(len(points), 4) + 1):
         for chosen in combinations(range(len(points)), size):
             carrier = points[list(chosen)]
@@ -424,15 +450,16 @@ def _smallest_sphere(points: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]
             )
             centre = carrier[0] + offset
             radius = np.linalg.norm(points - centre, axis=1).max()
-            if best is None or radius < best[1] * (1.0 - 1e-9):
+            if radius < best[1] * (1.0 - 1e-9):
                 best = centre, radius, carrier
     return best
 
 
-def _blur(edges: Edges, count: int, smooth: float):
-    """A function that smooths per-vertex values (V, k) by `smooth` mean edges; None where there is nothing to do.
+def _blur(edges: Edges, count: int, smooth: float) -> Blur | None:
+    """Make the function that smooths values (V, k) by `smooth` mean edges; None for nothing to do.
 
-    Repeated half-way averaging with the edge neighbours: each step adds a quarter of a squared edge of variance.
+    Repeated half-way averaging with the edge neighbours: each step adds a quarter of a squared edge
+    of variance.
     """
     if smooth <= 0.0:
         return None
@@ -458,7 +485,7 @@ def _blur(edges: Edges, count: int, smooth: float):
         order = reverse_cuthill_mckee(step, symmetric_mode=True)
         step = step[order][:, order]
 
-    def blur(values):
+    def blur(values: np.ndarray) -> np.ndarray:
         values = values[order]
         for _ in range(steps):
             values = step @ values
@@ -469,8 +496,13 @@ def _blur(edges: Edges, count: int, smooth: float):
     return blur
 
 
-def _blur_tensor(blur, mean, deviator, x, y):
-    """Smooth the curvature tensor in world coordinates, where neighbours' frames agree, and read it back in (x, y)."""
+def _blur_tensor(
+    blur: Blur, mean: np.ndarray, deviator: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Smooth the curvature tensor in world coordinates, and read it back in (x, y).
+
+    There neighbours' frames agree.
+    """
     row, column = np.triu_indices(3)  # of the six entries of a symmetric tensor
     entry = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
     a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real

@@ -68,8 +68,8 @@ def _close_cracks(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Merge boundary vertices nearer than WELD: faces and part.
 
-    Two nearly equal positions can fall into two cells of the grid. Where that tore the mesh, both lie
-    on a boundary.
+    Two nearly equal positions can fall into two cells of the grid. Where that tore the mesh, both
+    lie on a boundary.
     """
     edges = Edges.of(faces, len(points))
     rim = np.unique(edges.ends[edges.uses == 1])
@@ -126,7 +126,10 @@ def _sorted_corners(faces: np.ndarray) -> np.ndarray:
 
 
 def _first_of_each(corners: np.ndarray, count: int) -> np.ndarray:
-    """Find the first of faces with the same sorted corners (F, 3) out of `count` vertices, (F,) bool."""
+    """Find the first of faces with the same sorted corners (F, 3), (F,) bool.
+
+    `count` : how many vertices there are
+    """
     if count < MAX_KEYED:  # a plain sort, many times faster than by rows
         key = (corners[:, 0] * count + corners[:, 1]) * count + corners[:, 2]
         first = np.unique(key, return_index=True)[1]
@@ -154,10 +157,10 @@ def faces_to_flip(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.nda
 
 
 def _majority_turn(edges: Edges, clash: np.ndarray) -> np.ndarray:
-    """Find the faces (F,) bool to turn over so that neighbours agree and most faces stay as they are.
+    """Find the faces (F,) bool to turn over so that neighbours agree and most faces stay.
 
-    Two copies of each face, one per winding. Copies that must go together are connected; a component
-    is orientable when its two windings stay apart.
+    Two copies of each face, one per winding. Copies that must go together are connected; a
+    component is orientable when its two windings stay apart.
     """
     inner = edges.uses == 2
     f, g = edges.faces[inner].T
@@ -177,8 +180,8 @@ def split_at_creases(
     """Give each side of a sharp edge vertices of its own.
 
     Sharp are the `creases`, edges that meet in a tip, those that no winding can agree about, and
-    those of more than two faces. A vertex is repeated once for each group of its faces that is joined
-    through other edges, so that one sharp edge alone changes nothing.
+    those of more than two faces. A vertex is repeated once for each group of its faces that is
+    joined through other edges, so that one sharp edge alone changes nothing.
 
     Parameters
     ----------
@@ -212,7 +215,7 @@ def split_at_creases(
 def _sharp_edges(
     points: np.ndarray, faces: np.ndarray, edges: Edges, clash: np.ndarray, crease: float
 ) -> np.ndarray:
-    """Find creases, and the edges that meet in a tip, (E,) bool; true only for edges of two faces."""
+    """Find creases, and edges that meet in a tip, (E,) bool; none but edges of two faces."""
     sharp = np.zeros(len(edges), bool)
     if crease >= 180.0:
         return sharp
@@ -227,7 +230,7 @@ def _sharp_edges(
 
 
 def _joined_corners(faces: np.ndarray, edges: Edges, joined: np.ndarray) -> np.ndarray:
-    """Group the corners (3 F,) of faces that belong together: at both ends of edges `joined` (M,)."""
+    """Group the corners (3 F,) of faces that belong together: at the ends of edges `joined`."""
     links = []
     for side in edges.sides[joined].T:
         after = side - side % 3 + (side + 1) % 3
@@ -242,8 +245,8 @@ def cone_apices(
 ) -> np.ndarray:
     """Find vertices such as a cone's, that no normal fits, (V,) bool.
 
-    Some face turns from theirs by more than the crease angle. Only where edges are long: between long
-    thin faces, normals that run from a tip would bend the outline.
+    Some face turns from theirs by more than the crease angle. Only where edges are long: between
+    long thin faces, normals that run from a tip would bend the outline.
 
     Parameters
     ----------

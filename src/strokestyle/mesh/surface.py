@@ -30,12 +30,12 @@ def _nothing() -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A clean triangle mesh, box centred at the origin, longest side 1, with rtsc's conventions of sign.
+    """A clean triangle mesh, box centred at the origin, longest side 1.
 
-    Normals point outward on closed parts, curvature is positive where the surface is convex, and
-    |k1| >= |k2|. Along creases each side has vertices, normals and curvatures of its own; `weld`
-    tells which lie at one place. Edges and what follows from them (boundaries, components) are
-    those of the welded mesh.
+    Signs are those of rtsc: normals point outward on closed parts, curvature is positive where the
+    surface is convex, and |k1| >= |k2|. Along creases each side has vertices, normals and
+    curvatures of its own; `weld` tells which lie at one place. Edges and what follows from them
+    (boundaries, components) are those of the welded mesh.
 
     Parameters
     ----------
@@ -43,12 +43,12 @@ class Surface:
     faces : (F, 3) int64, counter-clockwise seen from outside
     normals, pdir1, pdir2 : (V, 3) float64, an orthonormal right-handed frame (pdir1, pdir2, normal)
     k1, k2 : (V,) float64, principal curvatures along pdir1 and pdir2
-    dcurv : (V, 4) float64, derivative of the second fundamental form: its uuu, uuv, uvv, vvv entries
-        in (pdir1, pdir2)
+    dcurv : (V, 4) float64, derivative of the second fundamental form: its uuu, uuv, uvv, vvv
+        entries in (pdir1, pdir2)
     feature_size : float, the length in which line thresholds are measured
     centre, scale : the file's coordinates are vertices * scale + centre
-    part, part_names : (F,) int, index into the names of a scene's parts; by default all faces are of
-        the first
+    part, part_names : (F,) int, index into the names of a scene's parts; by default all faces are
+        of the first
     weld : (V,) int, the first vertex at each vertex's place; by default no two lie at one
     connectivity : what follows from vertices, faces and weld, where it is known already
 
@@ -72,7 +72,10 @@ class Surface:
     part: np.ndarray = field(default_factory=_nothing)
     part_names: tuple[str, ...] = ("",)
     weld: np.ndarray = field(default_factory=_nothing)
-    connectivity: Connectivity = field(default=None, compare=False, repr=False)  # type: ignore[assignment]  # see __post_init__
+    # None only until __post_init__ has made one
+    connectivity: Connectivity = field(  # type: ignore[assignment]
+        default=None, compare=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         count = len(self.vertices)
@@ -143,7 +146,7 @@ class Surface:
 
     @property
     def clashing_edges(self) -> np.ndarray:
-        """(E,) bool, edges along which their two faces run the same way: no winding agrees there."""
+        """(E,) bool, edges along which both faces run the same way: no winding agrees there."""
         return self.connectivity.clashing_edges
 
     @property
@@ -211,7 +214,7 @@ def _checked_weld(weld: np.ndarray, vertices: int) -> np.ndarray:
 
 
 def load_surface(path: str | Path, smooth: float = 0.0, crease: float = DEFAULT_CREASE) -> Surface:
-    """Read a mesh file of any format that `read_mesh` knows; scenes become one surface with named parts.
+    """Read a mesh file of any format; scenes become one surface with named parts.
 
     Parameters
     ----------
@@ -254,8 +257,10 @@ def make_surface(
     ----------
     vertices : (V, 3) float, any unit and position
     faces : (F, 3) int
-    smooth : float, standard deviation in mean edge lengths of the smoothing of normals and curvatures
-    crease : float, degrees between two faces from which on nothing runs over their edge; 180 for never
+    smooth : float, standard deviation in mean edge lengths of the smoothing of normals and
+        curvatures
+    crease : float, degrees between two faces from which on nothing runs over their edge; 180 for
+        never
     part, part_names : the named part that each face belongs to
     rtsc : reproduce rtsc 1.6 to the last digit, its faults included (see differential_geometry)
 

@@ -1,4 +1,4 @@
-"""Triangles as arrays: what a file holds, edges and the faces that meet there, sums over corners."""
+"""Triangles as arrays: what a file holds, edges and their faces, sums over corners."""
 
 from __future__ import annotations
 
@@ -33,14 +33,15 @@ class LeftToTrimesh(ValueError):
 def bends(
     normals: np.ndarray, faces: np.ndarray, uses: np.ndarray, clash: np.ndarray
 ) -> np.ndarray:
-    """Measure the angle between the two faces at each edge, radians (E,); 0 where there are not two.
+    """Measure the angle between the two faces at each edge, radians (E,); else 0.
 
     Parameters
     ----------
     normals : (F, 3) unit
     faces : (E, 2) int, the faces at each edge
     uses : (E,) int, how many faces there are
-    clash : (E,) bool, edges about which no winding agrees: one of the normals is the wrong way round there
+    clash : (E,) bool, edges about which no winding agrees: one of the normals is the wrong way
+        round there
     """
     inner = np.flatnonzero(uses == 2)
     f, g = faces[inner].T
@@ -112,8 +113,8 @@ class Edges:
     ----------
     ends : (E, 2) int64, the vertices of each edge, the lower index first; edges are sorted
     of_side : (F, 3) int64, the edge of each side of each face
-    uses : (E,) int64, how many sides are this edge: 1 on a boundary, 2 inside, more where the mesh is
-        not a manifold
+    uses : (E,) int64, how many sides are this edge: 1 on a boundary, 2 inside, more where the mesh
+        is not a manifold
     sides : (E, 2) int64, the first two of them, side i of face f as 3 f + i; -1 where there is no
         second
     """
