@@ -1,10 +1,11 @@
-"""Who reads a mesh file rightly, and how fast: read_mesh beside trimesh alone; the tables of docs/meshes.md.
+"""Who reads a mesh file rightly, and how fast: read_mesh beside trimesh alone; the tables of
+docs/meshes.md.
 
     python benchmarks/mesh_files.py [--style MODEL] [--runs 9]
 
-Every file is made here of a torus whose faces, area and names are known. Times are processor time, the least of
-several runs; of whole commands, imports included (`render` with a style, `extract` without).
-"""
+Every file is made here of a torus whose faces, area and names are known. Times are processor time,
+the least of several runs; of whole commands, imports included (`render` with a style, `extract`
+without)."""
 
 import argparse
 import logging

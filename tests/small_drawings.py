@@ -11,7 +11,8 @@ from strokestyle.svg.write import png_from_svg
 
 
 def drawing(count=12, texture=None, seed=0):
-    """Wavy tapered strokes of three kinds on 160 x 120; texture None, "grain" (one ink) or "colours"."""
+    """Wavy tapered strokes of three kinds on 160 x 120; texture None, "grain" (one ink) or
+    "colours"."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0, 1, 24)
     xy, width, rows = [], [], []

@@ -9,7 +9,8 @@ from strokestyle.render.style import Style, SumOfCurves
 
 
 def plain_style(size=768, thin_above=False):
-    """A style that has learned next to nothing: a line a few pixels thick, or one that fades towards the top."""
+    """A style that has learned next to nothing: a line a few pixels thick, or one that fades
+    towards the top."""
     count, each = len(FEATURES), np.zeros(len(FEATURES))
     line = np.where(np.array(FEATURES) == "height", 6.0 * thin_above, 0.0)
     none = np.zeros((count, 1))

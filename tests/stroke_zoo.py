@@ -1,4 +1,5 @@
-"""Strokes that go wrong where anything can: the zoo that outlines, ribbons and rasters are tested on."""
+"""Strokes that go wrong where anything can: the zoo that outlines, ribbons and rasters are tested
+on."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""README and docs are run, shell blocks and Python blocks; the pages made from the code are current."""
+"""README and docs are run, shell blocks and Python blocks; the pages made from the code are
+current."""
 
 import os
 import re
@@ -19,7 +20,8 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "CONT
 
 
 def blocks(page):
-    """(language, text) of the blocks that are run; those marked console are for the reader to choose from."""
+    """(language, text) of the blocks that are run; those marked console are for the reader to
+    choose from."""
     text = page.read_text(encoding="utf-8")
     return re.findall(r"^( *)```(sh|python)\n(.*?)^ *```", text, re.M | re.S)
 

@@ -1,4 +1,5 @@
-"""Model files give back what was written, and the same bytes for it; all else is one line that names the file."""
+"""Model files give back what was written, and the same bytes for it; all else is one line that
+names the file."""
 
 import json
 import zipfile

@@ -20,8 +20,8 @@ def drawn(surface, angle=40.0):
 
 
 def tent(angle, turn=0.0, n=12, zigzag=0.0):
-    """A ridge of n edges between two flanks that meet at `angle` degrees, turning by `turn` at each vertex, or to and
-    fro by `zigzag`."""
+    """A ridge of n edges between two flanks that meet at `angle` degrees, turning by `turn` at each
+    vertex, or to and fro by `zigzag`."""
     heading = np.radians(np.cumsum(np.full(n, turn) + zigzag * (-1.0) ** np.arange(n)))
     path = np.vstack(
         [np.zeros(2), np.cumsum(np.stack([np.cos(heading), np.sin(heading)], 1), axis=0)]
@@ -45,7 +45,8 @@ def test_an_edge_is_a_crease_from_the_angle_on(angle, found):
 
 
 def test_a_crease_is_followed_where_it_weakens():
-    """A ridge whose flanks open from 60 to 20 degrees: from 40 on it is a crease, and down to 28 where that is half."""
+    """A ridge whose flanks open from 60 to 20 degrees: from 40 on it is a crease, and down to 28
+    where that is half."""
     n = 20
     drop = 0.5 * np.tan(np.radians(np.linspace(30, 10, n + 1)))
     x = np.linspace(0, 2, n + 1)

@@ -94,7 +94,8 @@ def test_groups_are_parts_where_there_are_no_objects():
 
 
 def glb(nodes, meshes):
-    """A binary glTF file of square plates: nodes as in the file, and of each mesh how many pieces it has."""
+    """A binary glTF file of square plates: nodes as in the file, and of each mesh how many pieces
+    it has."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4").tobytes()
     blob = corners + np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes()
     piece = {"attributes": {"POSITION": 0}, "indices": 1}

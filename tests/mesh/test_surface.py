@@ -1,4 +1,5 @@
-"""Curvature against closed forms and rtsc; reading and cleaning against everything that users' files are."""
+"""Curvature against closed forms and rtsc; reading and cleaning against everything that users'
+files are."""
 
 import json
 import os
@@ -38,7 +39,7 @@ def errors(shape, surface):
     return np.abs(found - true).max(axis=0) / np.abs(true).max()
 
 
-# ------------------------------------------------------------------------------------------------------- closed form
+# -------------------------------------------------------------------------------------- closed form
 
 
 def test_sphere_and_cylinder_are_exact():
@@ -91,7 +92,8 @@ def test_derivatives_on_a_torus():
 
 
 def test_derivatives_of_a_cubic():
-    """z = -(2 x^2 + y^2) / 2 - (a x^3 + 3 b x^2 y + 3 c x y^2 + d y^3) / 6: at 0 the tensor is a, b, c, d."""
+    """z = -(2 x^2 + y^2) / 2 - (a x^3 + 3 b x^2 y + 3 c x y^2 + d y^3) / 6: at 0 the tensor is a,
+    b, c, d."""
     tensor = np.array([1.0, -2.0, 3.0, 1.5])
     a, b, c, d = tensor
     shape = shapes.height_field(
@@ -170,7 +172,7 @@ def test_bounding_radius():
     assert bounding_radius(shapes.cube(3).vertices) == pytest.approx(np.sqrt(3) / 2)
 
 
-# --------------------------------------------------------------------------------------------------------- two roads
+# ---------------------------------------------------------------------------------------- two roads
 
 
 def test_place_size_turn_and_corner_order_do_not_matter():
@@ -208,7 +210,8 @@ def test_smoothing_takes_noise_away():
 @needs_oracles
 @pytest.mark.parametrize("name", ["spot", "woman", "fandisk"])
 def test_rtsc(name):
-    """Its numbers to the last digit, with its solver's slip; and without it, no farther from them than the slip."""
+    """Its numbers to the last digit, with its solver's slip; and without it, no farther from them
+    than the slip."""
     theirs = np.load(Path(SHARED) / "oracles" / "rtsc" / f"{name}.npz")
     ours = make_surface(theirs["vertices"], theirs["faces"], crease=180, rtsc=True)
     unit = np.median(np.abs(theirs["curv1"]))
@@ -246,7 +249,7 @@ def test_rtscs_slip_depends_on_corner_order():
     assert not np.allclose(*slip, rtol=0.05)
 
 
-# ---------------------------------------------------------------------------------------------------------- cleaning
+# ----------------------------------------------------------------------------------------- cleaning
 
 
 def test_seams_are_welded():
@@ -275,7 +278,8 @@ def test_what_is_no_surface_goes():
 
 
 def test_thin_faces_make_no_creases():
-    """A flat strip meets two halves in a T-junction closed by a face of three points in a row, rounded or exact."""
+    """A flat strip meets two halves in a T-junction closed by a face of three points in a row,
+    rounded or exact."""
     for bump in (0.0, 1e-6, -1e-6):
         points = np.array(
             [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [1, 0, bump], [0, -1, 0], [2, -1, 0]],
@@ -377,7 +381,8 @@ def test_a_cube_has_six_flat_sides():
 
 
 def test_only_what_creases_part_is_parted():
-    """A cylinder with lids: its rims are cut, its side stays smooth and round; a cone's tip has a normal per face."""
+    """A cylinder with lids: its rims are cut, its side stays smooth and round; a cone's tip has a
+    normal per face."""
     side = shapes.cylinder(around=32, rows=3)
     n = len(side.vertices)
     rim = np.arange(32)
@@ -457,7 +462,7 @@ def test_edges():
     assert lone.ends.tolist() == [[0, 1], [0, 2], [1, 2]] and lone.of_side.tolist() == [[1, 0, 2]]
 
 
-# ------------------------------------------------------------------------------------------------------------ reading
+# ------------------------------------------------------------------------------------------ reading
 
 QUADS = """# a box with a five-sided front, seams, and a comment in Latin-1: \xe9
 mtllib none.mtl
@@ -574,7 +579,7 @@ def test_damaged_files_raise_nothing_else(tmp_path, kind):
             assert str(error).startswith(str(path))
 
 
-# -------------------------------------------------------------------------------------------------------- validation
+# --------------------------------------------------------------------------------------- validation
 
 
 @pytest.mark.parametrize(
