@@ -35,7 +35,8 @@ class Camera:
     Raises
     ------
     ValueError
-        where the camera could not see anything: eye at the target, up along the view, a bad angle or size.
+        where the camera could not see anything: eye at the target, up along the view, a bad
+        angle or size.
     """
 
     eye: np.ndarray
@@ -88,7 +89,7 @@ class Camera:
         return 0.5 * self.height / np.tan(0.5 * np.radians(self.fov_y))
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """World points (N, 3) -> pixels (N, 2) and depth along the view axis (N,).
+        """Project world points (N, 3) to pixels (N, 2) and depth along the view axis (N,).
 
         Points at or behind the eye have depth <= 0; their pixels are meaningless but finite.
         """
@@ -102,7 +103,7 @@ class Camera:
         return xy, depth
 
     def rays(self, xy: np.ndarray) -> np.ndarray:
-        """Pixels (N, 2) -> unit directions (N, 3) from the eye."""
+        """Cast pixels (N, 2) as unit directions (N, 3) from the eye."""
         right, down, forward = self.axes
         xy = np.asarray(xy, np.float64)
         direction = (
@@ -113,12 +114,12 @@ class Camera:
         return direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
     def pixel_centres(self) -> np.ndarray:
-        """Centres of all pixels, row by row, (H*W, 2)."""
+        """List the centres of all pixels, row by row, (H*W, 2)."""
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         return np.stack([x.ravel(), y.ravel()], axis=1)
 
     def turned(self, degrees: float) -> Camera:
-        """The eye carried round the upright axis through the target, anticlockwise seen from above."""
+        """Turn the eye about the upright axis through the target, anticlockwise seen from above."""
         if not degrees:
             return self
         a, k = np.radians(degrees), self.up / np.linalg.norm(self.up)
@@ -129,6 +130,7 @@ class Camera:
         return Camera(self.target + r, self.target, self.up, self.fov_y, self.width, self.height)
 
     def to_dict(self) -> dict:
+        """Describe the camera in numbers and lists, as camera.json holds it."""
         return {
             "eye": self.eye.tolist(),
             "target": self.target.tolist(),
@@ -139,7 +141,13 @@ class Camera:
 
     @classmethod
     def from_dict(cls, data: dict, where: str = "camera") -> Camera:
-        """Raises ValueError, naming `where`, on a missing or malformed entry."""
+        """Make the camera that `to_dict` describes.
+
+        Raises
+        ------
+        ValueError
+            naming `where`, on a missing or malformed entry.
+        """
         if not isinstance(data, dict):
             raise ValueError(
                 f"{where}: expected a JSON object with eye, target, up, fov_y_deg and size"
@@ -147,7 +155,8 @@ class Camera:
         missing = [key for key in ("eye", "target", "fov_y_deg", "size") if key not in data]
         if missing:
             raise ValueError(
-                f"{where}: no {', '.join(missing)} in it; a camera needs eye, target, fov_y_deg and size"
+                f"{where}: no {', '.join(missing)} in it; a camera needs eye, target, fov_y_deg "
+                "and size"
             )
         try:
             width, height = data["size"]
@@ -176,14 +185,15 @@ class Camera:
 
 
 def parse_view(text: str) -> tuple[float, float]:
-    """A named view or "AZ,EL" -> (azimuth, elevation) in degrees. Raises ValueError."""
+    """Read a named view or "AZ,EL" as (azimuth, elevation), degrees. Raises ValueError."""
     if text in NAMED_VIEWS:
         return NAMED_VIEWS[text]
     try:
         azimuth, elevation = (float(part) for part in text.split(","))
     except ValueError:
         raise ValueError(
-            f"view {text!r} is neither one of {', '.join(NAMED_VIEWS)} nor AZIMUTH,ELEVATION in degrees"
+            f"view {text!r} is neither one of {', '.join(NAMED_VIEWS)} nor AZIMUTH,ELEVATION in "
+            "degrees"
         ) from None
     if not (np.isfinite(azimuth) and -90.0 <= elevation <= 90.0):
         raise ValueError(f"view {text!r}: the elevation must lie between -90 and 90 degrees")
@@ -198,11 +208,41 @@ def fit_camera(
     height: int = DEFAULT_SIZE,
     up: str = "y",
 ) -> Camera:
-    """The camera of a named view that shows all `vertices` (V, 3), as large as the margin allows.
+    """Place the camera of a named view so that all `vertices` (V, 3) fill the canvas.
 
-    `up` names the world axis that points up in the picture ("y" or "z"). With up = "z" a shape's front faces -y.
-    The shape's picture is centred, so target is the point of the axis through that centre, not the centroid.
+    The picture of the shape is centred, MARGIN of the canvas from the nearest sides: target is the
+    point of the view axis through that centre, not the centroid.
+
+    Parameters
+    ----------
+    vertices : (V, 3), world units
+    view : one of NAMED_VIEWS, or "AZIMUTH,ELEVATION" in degrees
+    fov_y : degrees that the image height subtends
+    width, height : pixels
+    up : "y" or "z", the world axis that points up in the picture; with "z" a shape's front faces -y
+
+    Raises
+    ------
+    ValueError
+        on an unknown view or up axis, or a field of view outside 1 to 150 degrees.
     """
+    out, up_axis = _eye_direction(view, up)
+    if not 1.0 <= fov_y <= 150.0:
+        raise ValueError(f"the field of view must lie between 1 and 150 degrees, got {fov_y:g}")
+    vertices = np.asarray(vertices, np.float64)
+    centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    radius = max(float(np.linalg.norm(vertices - centre, axis=1).max()), 1e-6)
+    right, down, forward = Camera(centre + out, centre, up_axis, fov_y, width, height).axes
+    rel = vertices - centre
+    across, depth = np.stack([rel @ right, rel @ down]), rel @ forward
+    slope = (1.0 - 2.0 * MARGIN) * np.tan(0.5 * np.radians(fov_y)) * np.array([width / height, 1.0])
+    distance, shift = _fit_pyramid(across, depth, slope, 0.05 * radius)
+    target = centre + shift[0] * right + shift[1] * down
+    return Camera(target + distance * out, target, up_axis, fov_y, width, height)
+
+
+def _eye_direction(view: str, up: str) -> tuple[np.ndarray, np.ndarray]:
+    """Find the unit vector (3,) from the shape to the eye of a view, and the axis (3,) that is up."""
     azimuth, elevation = np.radians(parse_view(view))
     out = np.array(
         [
@@ -211,51 +251,64 @@ def fit_camera(
             np.cos(elevation) * np.cos(azimuth),
         ]
     )
-    up_axis = np.array([0.0, 1.0, 0.0])
+    if up == "y":
+        return out, np.array([0.0, 1.0, 0.0])
     if up == "z":
-        out, up_axis = np.array([out[0], -out[2], out[1]]), np.array([0.0, 0.0, 1.0])
-    elif up != "y":
-        raise ValueError(f"up must be y or z, got {up!r}")
-    if not 1.0 <= fov_y <= 150.0:
-        raise ValueError(f"the field of view must lie between 1 and 150 degrees, got {fov_y:g}")
-    vertices = np.asarray(vertices, np.float64)
-    centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    radius = max(float(np.linalg.norm(vertices - centre, axis=1).max()), 1e-6)
-    right, down, forward = Camera(centre + out, centre, up_axis, fov_y, width, height).axes
-    rel = vertices - centre
-    across, z = np.stack([rel @ right, rel @ down]), rel @ forward
-    # The four planes through the eye and the margins touch the shape: |x - c| <= slope (z + d), for both axes.
-    slope = (1.0 - 2.0 * MARGIN) * np.tan(0.5 * np.radians(fov_y)) * np.array([width / height, 1.0])
-    high = (across - slope[:, None] * z).max(axis=1)
-    low = (-across - slope[:, None] * z).max(axis=1)
-    distance = max(float(((high + low) / (2.0 * slope)).max()), 0.05 * radius - float(z.min()))
+        return np.array([out[0], -out[2], out[1]]), np.array([0.0, 0.0, 1.0])
+    raise ValueError(f"up must be y or z, got {up!r}")
+
+
+def _fit_pyramid(
+    across: np.ndarray, depth: np.ndarray, slope: np.ndarray, clearance: float
+) -> tuple[float, np.ndarray]:
+    """Find how far back the eye must stand, and how far aside (2,), to see all points closely.
+
+    The four planes through the eye and the margins touch the shape: |x - shift| <= slope (depth +
+    distance), for both axes of the image.
+
+    Parameters
+    ----------
+    across : (2, V), places to the right and down, world units
+    depth : (V,), places along the view
+    slope : (2,), half the width and height of the picture at depth 1
+    clearance : least distance from the eye to the nearest point
+    """
+    high = (across - slope[:, None] * depth).max(axis=1)
+    low = (-across - slope[:, None] * depth).max(axis=1)
+    distance = max(float(((high + low) / (2.0 * slope)).max()), clearance - float(depth.min()))
     shift = 0.5 * (high - low)
     for _ in range(20):  # the looser axis is not yet centred in perspective; this contracts quickly
-        seen = (across - shift[:, None]) / (z + distance)
+        seen = (across - shift[:, None]) / (depth + distance)
         shift = shift + 0.5 * (seen.max(axis=1) + seen.min(axis=1)) * distance
-    target = centre + shift[0] * right + shift[1] * down
-    return Camera(target + distance * out, target, up_axis, fov_y, width, height)
+    return distance, shift
 
 
 def swept(vertices: np.ndarray, up: str = "y", steps: int = 72) -> np.ndarray:
-    """Points that bound `vertices` (V, 3) however they are turned about the upright axis through their box's centre."""
+    """Bound `vertices` (V, 3), however they are turned about the upright axis, by points (M, 3).
+
+    The axis goes through the centre of their box; the points lie on `steps` half planes through it.
+    """
     vertices = np.asarray(vertices, np.float64)
     centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     axis = "xyz".index(up)
     flat = [i for i in range(3) if i != axis]
     radius = np.hypot(*(vertices - centre)[:, flat].T)
-    height = vertices[:, axis]
-    bins = np.digitize(height, np.linspace(height.min(), height.max(), 129)[1:-1])
-    widest = np.zeros(128)
-    np.maximum.at(widest, bins, radius)
-    low, high = np.full(128, np.inf), np.full(128, -np.inf)
-    np.minimum.at(low, bins, height)
-    np.maximum.at(high, bins, height)
-    held = np.isfinite(low)
-    profile = np.concatenate([np.stack([widest, low], 1)[held], np.stack([widest, high], 1)[held]])
+    profile = _swept_profile(radius, vertices[:, axis])
     angle = np.linspace(0, 2 * np.pi, steps, endpoint=False)
     out = np.empty((len(profile), steps, 3))
     out[..., flat[0]] = centre[flat[0]] + profile[:, :1] * np.cos(angle)
     out[..., flat[1]] = centre[flat[1]] + profile[:, :1] * np.sin(angle)
     out[..., axis] = profile[:, 1:]
     return out.reshape(-1, 3)
+
+
+def _swept_profile(radius: np.ndarray, height: np.ndarray, slices: int = 128) -> np.ndarray:
+    """Bound points by a profile (M, 2) of radius and height: each slice's widest, low and high."""
+    in_slice = np.digitize(height, np.linspace(height.min(), height.max(), slices + 1)[1:-1])
+    widest = np.zeros(slices)
+    np.maximum.at(widest, in_slice, radius)
+    low, high = np.full(slices, np.inf), np.full(slices, -np.inf)
+    np.minimum.at(low, in_slice, height)
+    np.maximum.at(high, in_slice, height)
+    held = np.isfinite(low)
+    return np.concatenate([np.stack([widest, low], 1)[held], np.stack([widest, high], 1)[held]])

@@ -1,19 +1,30 @@
-"""What a ray hits, and whether a point of the surface is seen. Hides embree: its float32, and its self-hits."""
+"""What a ray hits, and whether a point of the surface is seen.
+
+This module alone knows embree: its float32, and its self-hits.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 
+from ..mesh.surface import Surface
+
 MAX_ROUNDS = 12  # re-traces past ignored hits; what is still open then counts as hidden
 
-# In mean edges of the face that a point lies on. On contours of 8 scans and bodies, against the same meshes made smooth
-# (curved point-normal triangles): lift 0.05 loses 3 % of what is seen, 0.1 with NEAR 0.4 %; 0.15 shows 2 % too much.
+# In mean edges of the face that a point lies on. On contours of 8 scans and bodies, against the same
+# meshes made smooth (curved point-normal triangles): lift 0.05 loses 3 % of what is seen, 0.1 with
+# NEAR 0.4 %; 0.15 shows 2 % too much.
 LIFT = 0.1  # along the normal, of the points of smooth lines
 NEAR = 0.75  # how far a smooth line's own neighbourhood may stand in front of it
+
+# Told rays k (N,) that hit faces (N,) with a gap (N,) still to go, in embree's units: which of them
+# go on all the same, (N,) bool.
+Ignore = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -37,11 +48,11 @@ class Bvh:
 
     Parameters
     ----------
-    surface : Surface, or anything with vertices (V, 3), faces (F, 3) and unit normals (V, 3); where it has `component`
-        (F,), its connected bodies are told apart
+    surface : Surface, or anything with vertices (V, 3), faces (F, 3) and unit normals (V, 3);
+        where it has `component` (F,), its connected bodies are told apart
     """
 
-    def __init__(self, surface):
+    def __init__(self, surface: Surface) -> None:
         self.vertices = np.asarray(surface.vertices, np.float64)
         self.faces = np.asarray(surface.faces, np.int64)
         self.normals = np.asarray(surface.normals, np.float64)
@@ -59,16 +70,17 @@ class Bvh:
             TriangleMesh(self._embree, self._local(self.vertices), self.faces.astype(np.int32))
 
     def _local(self, points: np.ndarray) -> np.ndarray:
+        """Move points (..., 3) from the world into embree's units, float32."""
         return np.ascontiguousarray((points - self._centre) * self._scale, dtype=np.float32)
 
     def _mean_edge(self, face: np.ndarray) -> np.ndarray:
-        """Mean edge length of faces (N,)."""
+        """Measure the mean edge length of faces (N,)."""
         corner = self.vertices[self.faces[face]]  # (N, 3, 3)
         edge = np.roll(corner, -1, axis=1) - corner
         return np.sqrt(np.einsum("nij,nij->ni", edge, edge)).mean(axis=1)
 
     def _run(self, origins: np.ndarray, directions: np.ndarray) -> dict:
-        """First hits of rays (N, 3) in embree's own units; distances are in lengths of the directions."""
+        """Trace rays (N, 3) in embree's own units; distances are in lengths of the directions."""
         if not len(origins) or not len(self.faces):
             nothing = np.zeros(len(origins), np.float32)
             return {
@@ -82,7 +94,13 @@ class Bvh:
         )
 
     def first_hit(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
-        """What rays hit first. Origins (3,) or (N, 3), directions (N, 3) of any length."""
+        """Trace rays to what they hit first.
+
+        Parameters
+        ----------
+        origins : (3,) or (N, 3), world units
+        directions : (N, 3) of any length
+        """
         directions = np.ascontiguousarray(directions, dtype=np.float32)
         origins = np.broadcast_to(self._local(np.asarray(origins, np.float64)), directions.shape)
         found = self._run(np.ascontiguousarray(origins), directions)
@@ -98,13 +116,14 @@ class Bvh:
     def seen(
         self, eye: np.ndarray, face: np.ndarray, position: np.ndarray, sharp: np.ndarray
     ) -> np.ndarray:
-        """Is a point of a line on the surface seen from the eye?
+        """Tell which points of lines on the surface are seen from the eye.
 
-        A contour lies where the mesh folds away from the eye, so that about half of it is hidden, by a hair, by its own
-        neighbourhood. Hence a smooth line (not `sharp`) is looked for LIFT above the surface, and a face that
-        touches its own and stands at most NEAR before it does not hide it; but the lift does not show it through
-        another body. A crease or a boundary (`sharp`) is a true edge of the mesh, hidden by whatever stands before it.
-        Rays start at the eye, so that what hides a point comes first and its doubtful neighbourhood last.
+        A contour lies where the mesh folds away from the eye, so that about half of it is hidden,
+        by a hair, by its own neighbourhood. Hence a smooth line (not `sharp`) is looked for LIFT
+        above the surface, and a face that touches its own and stands at most NEAR before it does
+        not hide it; but the lift does not show it through another body. A crease or a boundary
+        (`sharp`) is a true edge of the mesh, hidden by whatever stands before it. Rays start at the
+        eye, so that what hides a point comes first and its doubtful neighbourhood last.
 
         Parameters
         ----------
@@ -124,34 +143,47 @@ class Bvh:
         normal = self.normals[self.faces[face]].sum(axis=1)  # of the whole face: enough for a lift
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
 
-        def near_itself(k, hit, gap):
-            touches = (self.faces[hit][:, :, None] == self.faces[face[k]][:, None, :]).any(
-                axis=(1, 2)
-            )
-            return ~sharp[k] & touches & (gap < NEAR * edge[k] * self._scale)
+        def near_itself(k: np.ndarray, hit: np.ndarray, gap: np.ndarray) -> np.ndarray:
+            touches = self.faces[hit][:, :, None] == self.faces[face[k]][:, None, :]
+            near = gap < NEAR * edge[k] * self._scale
+            return ~sharp[k] & touches.any(axis=(1, 2)) & near
 
-        result = self._reached(
-            eye, position + normal * np.where(sharp, 0.0, LIFT * edge)[:, None], near_itself
-        )
+        lift = np.where(sharp, 0.0, LIFT * edge)
+        result = self._reached(eye, position + normal * lift[:, None], near_itself)
         if self.component is not None:
-            # another body's skin may lie within the lift: cloth over skin, a coin sunk in its rim. Facets lie below the
-            # smooth surface by their sag, edge^2 / 8 radius: from there, even a body of the same shape would hide it
             lifted = np.flatnonzero(result & ~sharp)
-            corner = self.normals[self.faces[face[lifted]]]
-            spread = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
-            sag = np.minimum(spread / 8.0, LIFT) * edge[lifted]
-            own = self.component[face[lifted]]
-            target = position[lifted] + normal[lifted] * sag[:, None]
-            result[lifted] = self._reached(
-                eye, target, lambda k, hit, gap: self.component[hit] == own[k]
+            result[lifted] = self._clear_of_other_bodies(
+                eye, face[lifted], position[lifted], normal[lifted], edge[lifted]
             )
         return result
 
-    def _reached(self, eye: np.ndarray, target: np.ndarray, ignore) -> np.ndarray:
-        """Which of the targets (N, 3) a ray from the eye reaches, (N,) bool.
+    def _clear_of_other_bodies(
+        self,
+        eye: np.ndarray,
+        face: np.ndarray,
+        position: np.ndarray,
+        normal: np.ndarray,
+        edge: np.ndarray,
+    ) -> np.ndarray:
+        """Tell which points (N, 3) on faces (N,) no other body of the surface hides, (N,) bool.
 
-        `ignore(k, hit, gap)` says, for rays k that hit the faces `hit` with a `gap` still to go, in embree's units,
-        which go on all the same.
+        Another body's skin may lie within the lift: cloth over skin, a coin sunk in its rim. Facets
+        lie below the smooth surface by their sag, edge^2 / 8 radius: from there, even a body of the
+        same shape would hide it. `normal` (N, 3) and mean `edge` (N,) are those of the faces.
+        """
+        corner = self.normals[self.faces[face]]
+        spread = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+        sag = np.minimum(spread / 8.0, LIFT) * edge
+        body = self.component
+        assert body is not None  # asked only where bodies are told apart
+        own = body[face]
+        target = position + normal * sag[:, None]
+        return self._reached(eye, target, lambda k, hit, gap: body[hit] == own[k])
+
+    def _reached(self, eye: np.ndarray, target: np.ndarray, ignore: Ignore) -> np.ndarray:
+        """Tell which of the targets (N, 3) a ray from the eye reaches, (N,) bool.
+
+        Hits that `ignore` tells to ignore are passed, and the ray goes on behind them.
         """
         ray = target - eye
         length = np.linalg.norm(ray, axis=1)
@@ -165,10 +197,7 @@ class Bvh:
         for _ in range(MAX_ROUNDS):
             if not len(open_):
                 break
-            origin = start + (ray[open_] * passed[open_, None]).astype(np.float32)
-            found = self._run(np.ascontiguousarray(origin, dtype=np.float32), ray[open_])
-            hit = found["primID"].astype(np.int64)
-            distance = passed[open_] + found["tfar"]
+            hit, distance = self._next_hit(start, ray[open_], passed[open_])
             gap = reach[open_] - distance
             free = (hit < 0) | (gap <= slack[open_])
             result[open_[free]] = True
@@ -176,3 +205,11 @@ class Bvh:
             passed[open_] = distance + slack[open_]
             open_ = open_[ignore(open_, hit, gap)]
         return result
+
+    def _next_hit(
+        self, start: np.ndarray, ray: np.ndarray, passed: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Find the next face that each ray (N, 3) from `start` hits after `passed`, and how far off."""
+        origin = start + (ray * passed[:, None]).astype(np.float32)
+        found = self._run(np.ascontiguousarray(origin, dtype=np.float32), ray)
+        return found["primID"].astype(np.int64), passed + found["tfar"]

@@ -1,7 +1,11 @@
-"""View = camera + visible curves + feature maps: one shape from one camera, and all that the networks ever see."""
+"""View = camera + visible curves + feature maps.
+
+One shape from one camera, and all that the networks ever see.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +17,7 @@ from .camera import Camera
 from .feature_maps import NORMAL_MAPS, FeatureMaps
 
 DEPTH_STEP = 0.01  # of the depth: a jump, not a slope
+FRONT_REACH = 2  # px, how far from a line the part in front is looked for
 
 
 @dataclass(frozen=True)
@@ -25,8 +30,13 @@ class View:
     curves : Curves, visible, evenly spaced, within the canvas
     maps : FeatureMaps of the camera's size
     hidden : Curves behind the surface, where they were asked for
-    parts, hidden_parts : the named part of the shape that each point of the curves, and of the hidden ones, lies on;
-        None where the shape has but one
+    parts, hidden_parts : the named part of the shape that each point of the curves, and of the
+        hidden ones, lies on; None where the shape has but one
+
+    Raises
+    ------
+    ValueError
+        where the maps are not of the camera's size, or the parts do not fit the curves.
     """
 
     camera: Camera
@@ -50,16 +60,21 @@ class View:
 
     @property
     def curve_parts(self) -> Parts | None:
-        """The part of each curve, that of most of its points."""
+        """Name the part of each curve, that of most of its points."""
         return None if self.parts is None else self.parts.vote(self.curves.offsets)
 
     @property
     def hidden_curve_parts(self) -> Parts | None:
-        """The part of each hidden curve."""
+        """Name the part of each hidden curve, that of most of its points."""
         return None if self.hidden_parts is None else self.hidden_parts.vote(self.hidden.offsets)
 
     def pieces_by_part(self, hidden: bool = False) -> tuple[Curves, Parts | None]:
-        """The curves, or the hidden ones, cut where they run from one part into another; and the part of each piece."""
+        """Cut the curves, or the hidden ones, where they run from one part into another.
+
+        Returns
+        -------
+        the pieces, and the part of each; the curves as they are and None where there is but one part
+        """
         curves, parts = (self.hidden, self.hidden_parts) if hidden else (self.curves, self.parts)
         if parts is None:
             return curves, None
@@ -67,39 +82,21 @@ class View:
         kind, closed = curves.kind[made.line], curves.closed[made.line] & made.whole
         return Curves(curves.xy[made.rows], made.offsets, kind, closed), made.parts
 
-    def at_curves(self, names, xy: np.ndarray | None = None) -> np.ndarray:
-        """Maps read at the curves' points, or at pixels `xy` (N, 2): (N, len(names)) float32.
+    def at_curves(self, names: Sequence[str], xy: np.ndarray | None = None) -> np.ndarray:
+        """Read maps at the curves' points, or at pixels `xy` (N, 2): (N, len(names)) float32.
 
-        A line often lies where one part of the surface hides another, or on the rim of the shape, half a pixel off. It
-        belongs to the part in front: where some pixel within 2 px shows a surface clearly nearer to the eye than the
-        pixel under the point does, or that one shows none, the nearest pixel of the nearer surface is read instead.
+        A line often lies where one part of the surface hides another, or on the rim of the shape,
+        half a pixel off. It belongs to the part in front: where some pixel within FRONT_REACH px
+        shows a surface clearly nearer to the eye than the pixel under the point does, or that one
+        shows none, the nearest pixel of the nearer surface is read instead. Where no surface is
+        seen at all, the maps' background is read.
         """
         xy = self.curves.xy if xy is None else np.asarray(xy, np.float64)
-        rows = [self.maps.names.index(name) for name in names]
-        height, width = self.maps.covered.shape
+        maps = [self.maps.names.index(name) for name in names]
         if not len(xy) or not self.maps.covered.any():
-            return np.broadcast_to(
-                np.float32([name not in NORMAL_MAPS for name in names]), (len(xy), len(rows))
-            ).copy()
-        depth = np.where(self.maps.covered, self.maps["depth"], np.inf)
-        column, row = (
-            np.clip(np.floor(xy[:, i]).astype(np.int64), 0, n - 1)
-            for i, n in enumerate((width, height))
-        )
-        r = np.arange(-2, 3)
-        dy, dx = (d.ravel() for d in np.meshgrid(r, r, indexing="ij"))
-        disc = dx * dx + dy * dy <= 4
-        near_row = np.clip(row[:, None] + dy[disc], 0, height - 1)
-        near_column = np.clip(column[:, None] + dx[disc], 0, width - 1)
-        around = depth[near_row, near_column]  # (N, 13)
-        front = around.min(axis=1)
-        moved = front < depth[row, column] * (1.0 - DEPTH_STEP)
-        # of the pixels of the part in front, the nearest to the point
-        away = (near_column + 0.5 - xy[:, :1]) ** 2 + (near_row + 0.5 - xy[:, 1:]) ** 2
-        away[around > front[:, None] * (1.0 + DEPTH_STEP)] = np.inf
-        best = away.argmin(axis=1)[:, None]
-        row = np.where(moved, np.take_along_axis(near_row, best, 1)[:, 0], row)
-        column = np.where(moved, np.take_along_axis(near_column, best, 1)[:, 0], column)
+            background = np.array([name not in NORMAL_MAPS for name in names], np.float32)
+            return np.broadcast_to(background, (len(xy), len(maps))).copy()
+        row, column = self._front_pixels(xy)
         lost = ~self.maps.covered[row, column]
         if lost.any():
             _, (to_row, to_column) = distance_transform_edt(~self.maps.covered, return_indices=True)
@@ -107,4 +104,37 @@ class View:
                 np.where(lost, to_row[row, column], row),
                 np.where(lost, to_column[row, column], column),
             )
-        return self.maps.values[np.array(rows)[:, None], row, column].T
+        return self.maps.values[np.array(maps)[:, None], row, column].T
+
+    def _front_pixels(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Choose for points (N, 2) the row and column (N,) of the pixel that shows what is in front.
+
+        That is the pixel under the point unless a surface clearly nearer to the eye is seen within
+        FRONT_REACH px; then the pixel of that surface nearest to the point.
+        """
+        height, width = self.maps.covered.shape
+        depth = np.where(self.maps.covered, self.maps["depth"], np.inf)
+        column, row = (
+            np.clip(np.floor(xy[:, i]).astype(np.int64), 0, n - 1)
+            for i, n in enumerate((width, height))
+        )
+        dy, dx = _disc(FRONT_REACH)
+        near_row = np.clip(row[:, None] + dy, 0, height - 1)
+        near_column = np.clip(column[:, None] + dx, 0, width - 1)
+        around = depth[near_row, near_column]  # (N, pixels of the disc)
+        front = around.min(axis=1)
+        moved = front < depth[row, column] * (1.0 - DEPTH_STEP)
+        away = (near_column + 0.5 - xy[:, :1]) ** 2 + (near_row + 0.5 - xy[:, 1:]) ** 2
+        away[around > front[:, None] * (1.0 + DEPTH_STEP)] = np.inf
+        best = away.argmin(axis=1)[:, None]
+        row = np.where(moved, np.take_along_axis(near_row, best, 1)[:, 0], row)
+        column = np.where(moved, np.take_along_axis(near_column, best, 1)[:, 0], column)
+        return row, column
+
+
+def _disc(radius: int) -> tuple[np.ndarray, np.ndarray]:
+    """List the pixels within `radius` px of one: rows and columns relative to it, row by row."""
+    reach = np.arange(-radius, radius + 1)
+    dy, dx = (d.ravel() for d in np.meshgrid(reach, reach, indexing="ij"))
+    inside = dx * dx + dy * dy <= radius**2
+    return dy[inside], dx[inside]
