@@ -40,7 +40,7 @@ def main() -> None:
     that hand.
 
     \b
-    strokestyle extract shape.obj -o sheet.png        the curves, to draw over
+    strokestyle extract shape.obj -o template.png     the curves, to draw over
     strokestyle fit drawing.png shape.obj             learn the hand
     strokestyle render model.pt other.obj -o out.svg  draw with it
     strokestyle edit out.svg -o new.svg --wiggle 3,40 change the drawing

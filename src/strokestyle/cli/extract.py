@@ -22,7 +22,7 @@ PAPER = "#ffffff"  # of the PNG that an artist draws over
 @click.command(
     epilog="""\b
 Examples:
-  strokestyle extract teapot.obj -o sheet.png
+  strokestyle extract teapot.obj -o template.png
   strokestyle extract teapot.obj -o curves.svg -o view.npz --view 40,20
   strokestyle extract scan.ply -o lines.svg --lines contour,valley --valley 0.2
   strokestyle extract scan.ply -o lines.svg --detail 0.5..2
@@ -53,7 +53,7 @@ def extract(shape: str, outputs: tuple[str, ...], **options: Any) -> None:
     """Find the feature curves of SHAPE and write them.
 
     \b
-    OUT.png   the sheet that an artist draws over
+    OUT.png   the template that an artist draws over
     OUT.svg   the curves, one layer per kind of line
     OUT.npz   the whole view, for fit and render: camera, curves, feature maps
     OUT.json  camera and curves for other programs

@@ -86,9 +86,9 @@ def fit(
 ) -> None:
     """Learn a style from DRAWING, an artist's drawing of SHAPE.
 
-    The drawing (PNG, JPEG, TIFF) is one made over the sheet of `strokestyle extract`, with the same
-    view and line options. Beside the model OUT.pt a picture OUT.fit.png shows drawing, mask, and
-    what was learned of both.
+    The drawing (PNG, JPEG, TIFF) is one made over the template of `strokestyle extract`,
+    with the same view and line options. Beside the model OUT.pt a picture OUT.fit.png shows
+    drawing, mask, and what was learned of both.
     """
     picture = str(Path(output).with_suffix(".fit.png"))
     check_outputs([output, picture], [drawing, shape])
