@@ -1,5 +1,5 @@
-"""Damaged and hostile SVG files against the reader: each is read, or refused in one line, within seconds, and nothing
-but the file itself is touched. Prints a table.
+"""Damaged and hostile SVG files against the reader: each is read, or refused in one line, within
+seconds, and nothing but the file itself is touched. Prints a table.
 
     python benchmarks/fuzz_svg.py [count]
 """
@@ -40,8 +40,9 @@ NUMBERS = (
     "٣",
 )
 ATTRIBUTES = (
-    "data-ss-path", "data-ss-width", "data-ss-class", "data-ss-closed", "data-ss-texture", "data-ss-margin",
-    "data-ss-at", "data-ss-size", "data-ss-page", "data-ss-options", "data-ss-format", "data-ss-part", "data-ss-parts",
+    "data-ss-path", "data-ss-width", "data-ss-class", "data-ss-closed", "data-ss-texture",
+    "data-ss-margin", "data-ss-at", "data-ss-size", "data-ss-page", "data-ss-options",
+    "data-ss-format", "data-ss-part", "data-ss-parts",
     "viewBox", "width", "height", "transform", "fill", "fill-opacity", "d", "id", "style",
 )  # fmt: skip
 
@@ -127,7 +128,8 @@ def hostile(rng: np.random.Generator, text: str, without=()) -> tuple[str, bytes
         ).encode(),
         "network references": lambda: inside(
             '<image xlink:href="http://127.0.0.1:9/a.png"/><use xlink:href="file:///etc/passwd#a"/>'
-            '<style>@import url(http://127.0.0.1:9/a.css);</style><script xlink:href="http://127.0.0.1:9/a.js"/>'
+            "<style>@import url(http://127.0.0.1:9/a.css);</style>"
+            '<script xlink:href="http://127.0.0.1:9/a.js"/>'
         ),
         "huge attribute": lambda: with_value(
             text, str(rng.choice(ATTRIBUTES)), "1 " * 4_000_000
@@ -187,7 +189,8 @@ def hostile(rng: np.random.Generator, text: str, without=()) -> tuple[str, bytes
 
 
 def with_value(text: str, attribute: str, value: str) -> str:
-    """The text with another value for the first such attribute; added to the first stroke where there is none."""
+    """The text with another value for the first such attribute; added to the first stroke where
+    there is none."""
     begin = text.find(f' {attribute}="')
     if begin < 0:
         return text.replace(' class="stroke"', f' class="stroke" {attribute}="{value}"', 1)
@@ -258,7 +261,8 @@ class Guard:
 
 
 def attempt(data: bytes) -> tuple[str, float]:
-    """("read", "read and written" or the refusal, seconds). Raises whatever is not a refusal in one line."""
+    """("read", "read and written" or the refusal, seconds). Raises whatever is not a refusal in
+    one line."""
     start = time.perf_counter()
     with Guard():
         try:
@@ -298,7 +302,8 @@ def main():
         print(f"{name:28s} {total:6d} {good:6d} {total - good:8d} {worst:10.2f}")
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(
-        f"{count} files, slowest {slowest:.2f} s, peak memory {memory:.0f} MB, no file or network access"
+        f"{count} files, slowest {slowest:.2f} s, peak memory {memory:.0f} MB, no file or "
+        f"network access"
     )
 
 

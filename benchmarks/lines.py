@@ -86,7 +86,8 @@ def oracle_errors(theirs) -> dict[str, np.ndarray]:
 
 
 def _turn(tensor: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """A symmetric derivative tensor (V, 4) in the frame turned by the angle of cosine c and sine s."""
+    """A symmetric derivative tensor (V, 4) in the frame turned by the angle of cosine c and sine
+    s."""
     p, q, r, t = tensor.T
     full = np.stack([p, q, q, r, q, r, r, t], axis=1).reshape(-1, 2, 2, 2)
     axes = np.stack([np.stack([c, s], 1), np.stack([-s, c], 1)], axis=1)
@@ -365,7 +366,8 @@ def strokes(shared: Path | None, details: bool = False) -> None:
         everything += single
         if details:
             print(
-                f"    {path.stem} {view}: {len(length)} strokes, under 8 px {single[0]:.0f}, doubled {single[2]:.0f} px"
+                f"    {path.stem} {view}: {len(length)} strokes, under 8 px {single[0]:.0f}, "
+                f"doubled {single[2]:.0f} px"
             )
     row(
         "visible contours: share of strokes under 5 px",

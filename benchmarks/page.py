@@ -1,11 +1,12 @@
-"""The page of `strokestyle view` with 303 strokes in three styles, in headless Chromium: is it fluid? Prints a table.
+"""The page of `strokestyle view` with 303 strokes in three styles, in headless Chromium: is it
+fluid? Prints a table.
 
     python benchmarks/page.py [FILE.svg ...]
 
-A mouse drags sliders and a stroke's point and turns the wheel for two seconds each, at 1280 x 800; a frame counts when
-its picture is shown; pixels a pixel of the screen say how fine it is. Headless Chromium paints without a GPU; the page
-does not need one. Where the machine is busy, the CPU ms of a frame, of all the browser's processes, tell more.
-"""
+A mouse drags sliders and a stroke's point and turns the wheel for two seconds each, at 1280 x 800;
+a frame counts when its picture is shown; pixels a pixel of the screen say how fine it is. Headless
+Chromium paints without a GPU; the page does not need one. Where the machine is busy, the CPU ms of
+a frame, of all the browser's processes, tell more."""
 
 import os
 import sys
@@ -94,8 +95,8 @@ def cpu(browser):
 
 
 def measured(browser, begin, step):
-    """(frames a second, median and slowest ms a frame, CPU ms a frame, pixels a pixel) while `step(t)` is called, t the
-    seconds so far."""
+    """(frames a second, median and slowest ms a frame, CPU ms a frame, pixels a pixel) while
+    `step(t)` is called, t the seconds so far."""
     begin()
     browser.run("frames_.length = 0")
     before = cpu(browser)
@@ -142,7 +143,8 @@ def main():
             ready = time.perf_counter() - start
             count = browser.run("current.strokes.length")
             print(
-                f"{name}: {count} strokes, SVG {len(text) / 1000:.0f} kB, page {len(page) / 1000:.0f} kB, {ready:.2f} s"
+                f"{name}: {count} strokes, SVG {len(text) / 1000:.0f} kB, page "
+                f"{len(page) / 1000:.0f} kB, {ready:.2f} s"
             )
             browser.run(COUNTER)
             time.sleep(WAIT)

@@ -72,13 +72,16 @@ def differences(scene, step):
 
 def accuracy(folder: Path):
     print(
-        "                          mean error            worst pixel        gradients: cosine with stored differences"
+        "                          mean error            worst pixel        gradients: cosine "
+        "with stored differences"
     )
     print(
-        "                          ours     DiffVG       ours   DiffVG      points  DiffVG      thickness  DiffVG"
+        "                          ours     DiffVG       ours   DiffVG      points  DiffVG    "
+        "  thickness  DiffVG"
     )
     print(
-        "target                    < DiffVG              <= .25             >= .985             >= .96"
+        "target                    < DiffVG              <= .25             >= .985           "
+        "  >= .96"
     )
     missed = []
     for path in sorted(folder.glob("*.npz")):
@@ -94,7 +97,8 @@ def accuracy(folder: Path):
         met = (error.mean() < theirs.mean(), error.max() <= 0.25, a >= 0.985, b >= 0.96)
         marks = [" " if good else "*" for good in met]
         print(
-            f"{path.stem:24s}  {error.mean():.5f}{marks[0]} {theirs.mean():.5f}      {error.max():.3f}{marks[1]} "
+            f"{path.stem:24s}  {error.mean():.5f}{marks[0]} {theirs.mean():.5f}      "
+            f"{error.max():.3f}{marks[1]} "
             f"{theirs.max():.3f}       {a:.4f}{marks[2]} {c:.4f}      {b:.4f}{marks[3]}    {d:.4f}"
         )
         if not met[3]:
@@ -105,7 +109,8 @@ def accuracy(folder: Path):
         for step in (0.4, 0.2, 0.1, 0.02, 0.005):
             ours = differences(scene, step)
             print(
-                f"{step:8.3f}  {cosine(ours, scene['fd_thickness']):27.4f}  {cosine(ours, thickness):17.4f}"
+                f"{step:8.3f}  {cosine(ours, scene['fd_thickness']):27.4f}  "
+                f"{cosine(ours, thickness):17.4f}"
             )
 
 
@@ -130,7 +135,8 @@ def scribble(size, points, images, rng):
 
 def speed(device):
     print(
-        f"16 patches, forward + backward, {device}, the best\npatch  points  seconds  DiffVG  ratio (target >= 20)"
+        f"16 patches, forward + backward, {device}, the best\npatch  points  seconds  DiffVG  "
+        f"ratio (target >= 20)"
     )
     for size, points in POINTS.items():
         xy, thickness, offsets, image = (
@@ -147,7 +153,8 @@ def speed(device):
                 torch.cuda.synchronize()
             best = min(best, time.perf_counter() - start)
         print(
-            f"{size:5d} {points:7d} {best:8.4f} {DIFFVG_SECONDS[size]:7.2f} {DIFFVG_SECONDS[size] / best:6.1f}"
+            f"{size:5d} {points:7d} {best:8.4f} {DIFFVG_SECONDS[size]:7.2f} "
+            f"{DIFFVG_SECONDS[size] / best:6.1f}"
         )
 
 

@@ -179,7 +179,8 @@ def main():
         print(f"{name} is not installed: left out")
     scales = [float(scale) for scale in given.scales.split(",")]
     print(
-        "processor seconds; ! misses its target: write 1.5 s, open at 4x 3 s, 750 kB and error 2 for vector, 900 kB"
+        "processor seconds; ! misses its target: write 1.5 s, open at 4x 3 s, 750 kB and "
+        "error 2 for vector, 900 kB"
     )
     print("and 1.5 for image")
     heads = "".join(
@@ -226,10 +227,12 @@ def main():
             print(line, flush=True)
         look, took = inks(made.texture), seconds(lambda made=made: outlines(made.strokes))[0]
         print(
-            f"{'':9s} darkness {255 - wanted[scales[0]].mean():.1f}; grain {look.grain.mean():.2f}; * taken by auto;"
+            f"{'':9s} darkness {255 - wanted[scales[0]].mean():.1f}; grain "
+            f"{look.grain.mean():.2f}; * taken by auto;"
         )
         print(
-            f"{'':9s} {len(made.strokes)} strokes, {len(made.strokes.xy)} points; outlines alone {took:.2f} s"
+            f"{'':9s} {len(made.strokes)} strokes, {len(made.strokes.xy)} points; outlines "
+            f"alone {took:.2f} s"
         )
 
 

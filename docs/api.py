@@ -16,16 +16,18 @@ so that `import strokestyle` costs nothing.
 
 A stage is a function from one frozen dataclass to the next:
 
-    load_surface -> Surface, extract_view -> View, fit_style -> Style, Style.draw -> Drawing, save_svg
+    load_surface -> Surface, extract_view -> View, fit_style -> Style, Style.draw -> Drawing,
+    save_svg
 
 Errors are ValueError (a value or a file that cannot be used) or OSError (a file that cannot be read
 or written), in one line that names what was found and what would do.
 
 """
-# In the order of the walk from a mesh to a drawing; what is listed nowhere is an error of this script.
+# In the order of the walk from a mesh to a drawing; what is listed nowhere is an error here.
 GROUPS = {
     "Shapes and views": (
-        "load_surface", "make_surface", "Surface", "Camera", "fit_camera", "LineOptions", "extract_view",
+        "load_surface", "make_surface", "Surface", "Camera", "fit_camera", "LineOptions",
+        "extract_view",
         "view_of_curves", "View", "Curves", "load_curves", "save_view", "load_view",
         "fit_turntable_camera", "turntable",
     ),

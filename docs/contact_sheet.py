@@ -82,7 +82,8 @@ def main():
     picture = sheet(paths, args.columns).quantize(LEVELS, dither=Image.Dither.NONE)
     picture.save(args.output, optimize=True)
     print(
-        f"{args.output}: {picture.width} x {picture.height} px, {args.output.stat().st_size / 1000:.0f} kB"
+        f"{args.output}: {picture.width} x {picture.height} px, "
+        f"{args.output.stat().st_size / 1000:.0f} kB"
     )
 
 

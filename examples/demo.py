@@ -129,7 +129,8 @@ def main() -> None:
         print(f"\n{_short(str(docs))}")
 
     print(
-        f"\nDone in {time.monotonic() - started:.0f} s. Drawings, as SVG to edit and PNG to look at:"
+        f"\nDone in {time.monotonic() - started:.0f} s. Drawings, as SVG to edit and PNG to "
+        f"look at:"
     )
     for name, shapes in TASKS.items():
         for shape in shapes:

@@ -214,7 +214,10 @@ def sharpen(f: Field, points, quads, h) -> np.ndarray:
         0.15 * h * around * [1.0, 0.87, 0.93]
     )  # no cube: its corners would fall between two faces
     count = np.bincount(quads.ravel())
-    total = lambda v: np.stack([np.bincount(quads.ravel(), c.repeat(4)) for c in v.T], axis=1)  # noqa: E731
+
+    def total(v):
+        return np.stack([np.bincount(quads.ravel(), c.repeat(4)) for c in v.T], axis=1)
+
     vertices = total(points) / count[:, None]
     n = normal(f, points)[1]
     n /= np.linalg.norm(n, axis=1, keepdims=True)
@@ -890,7 +893,8 @@ def write_ply(path: Path, mesh: Mesh) -> None:
     header = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
         "property float x\nproperty float y\nproperty float z\n"
-        f"element face {len(faces)}\nproperty list uchar {'ushort' if index == '<u2' else 'int'} vertex_indices\n"
+        f"element face {len(faces)}\nproperty list uchar "
+        f"{'ushort' if index == '<u2' else 'int'} vertex_indices\n"
         "end_header\n"
     )
     path.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + rows.tobytes())

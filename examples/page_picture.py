@@ -40,7 +40,8 @@ def main() -> None:
         browser.open(out / "page.html")
         # the longest stroke, bent at the handle that lies highest
         browser.run(
-            "select(current.drawing.strokes.reduce((best, stroke) => stroke.line.x.length > best.line.x.length ?"
+            "select(current.drawing.strokes.reduce((best, stroke) => stroke.line.x.length > "
+            "best.line.x.length ?"
             " stroke : best).number)"
         )
         browser.frame()

@@ -77,7 +77,8 @@ def main():
         given = load_curves(folder / "curves.json", (camera.width, camera.height))
         there, here = found(given, view.curves), found(view.curves, given)
         print(
-            f"{shape}: {there:.0%} of the given lines are among ours, {here:.0%} of ours among them",
+            f"{shape}: {there:.0%} of the given lines are among ours, {here:.0%} of ours among "
+            f"them",
             flush=True,
         )
         (lines / f"{shape}.json").write_text(json.dumps(for_artist(view)))

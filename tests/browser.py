@@ -1,4 +1,5 @@
-"""Headless Chromium through its DevTools protocol, over a pipe: no driver, no port, no package besides the browser."""
+"""Headless Chromium through its DevTools protocol, over a pipe: no driver, no port, no package
+besides the browser."""
 
 from __future__ import annotations
 
@@ -22,8 +23,9 @@ NO_BROWSER = (
     else None
 )
 FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-    "--disable-background-networking", "--disable-component-update", "--disable-extensions", "--disable-dev-shm-usage",
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-sync", "--disable-background-networking", "--disable-component-update",
+    "--disable-extensions", "--disable-dev-shm-usage",
     "--force-color-profile=srgb", "--hide-scrollbars", "--remote-debugging-pipe",
 )  # fmt: skip
 # The browser reads commands from descriptor 3 and answers on 4.
@@ -37,7 +39,8 @@ os.execv(sys.argv[3], sys.argv[3:])
 
 
 class Browser:
-    """A browser with one page. Used as a context; `downloads` is the folder that saved files go to."""
+    """A browser with one page. Used as a context; `downloads` is the folder that saved files go
+    to."""
 
     def __init__(self, timeout: float = 60.0):
         self.timeout = timeout
@@ -157,7 +160,8 @@ class Browser:
     def frame(self):
         """Wait until what happened so far is painted."""
         self.run(
-            "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done())))"
+            "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => "
+            "done())))"
         )
 
     def click(self, x: float, y: float):
@@ -187,7 +191,8 @@ class Browser:
         return base64.b64decode(self.send("Page.captureScreenshot", format="png")["data"])
 
     def troubles(self) -> list[str]:
-        """Errors that the page met, in words: exceptions, errors on the console, refusals of its security policy."""
+        """Errors that the page met, in words: exceptions, errors on the console, refusals of its
+        security policy."""
         out = []
         for event in self.events:
             kind, params = event.get("method"), event.get("params", {})

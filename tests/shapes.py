@@ -40,11 +40,13 @@ def grid(rows, columns, close_rows=False, close_columns=False):
 def sphere(level=3, radius=1.0):
     """An icosahedron, each face cut in four `level` times: 20 * 4**level faces."""
     g = 0.5 * (1.0 + np.sqrt(5.0))
-    v = np.array([[-1, g, 0], [1, g, 0], [-1, -g, 0], [1, -g, 0], [0, -1, g], [0, 1, g], [0, -1, -g], [0, 1, -g],
+    v = np.array([[-1, g, 0], [1, g, 0], [-1, -g, 0], [1, -g, 0],
+                  [0, -1, g], [0, 1, g], [0, -1, -g], [0, 1, -g],
                   [g, 0, -1], [g, 0, 1], [-g, 0, -1], [-g, 0, 1]])  # fmt: skip
-    f = np.array([[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2],
-                  [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5], [2, 4, 11],
-                  [6, 2, 10], [8, 6, 7], [9, 8, 1]])  # fmt: skip
+    f = np.array([[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11],
+                  [1, 5, 9], [5, 11, 4], [11, 10, 2], [10, 7, 6], [7, 1, 8],
+                  [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9],
+                  [4, 9, 5], [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1]])  # fmt: skip
     for _ in range(level):
         pairs = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), axis=1)
         unique, middle = np.unique(pairs, axis=0, return_inverse=True)
@@ -184,7 +186,8 @@ def moebius(around=40, across=5):
 
 
 def wheel(spokes=5):
-    """A wheel in the plane z = 0, of parts that touch: {"tire": Shape, "hub": ..., "spoke 1": ...}."""
+    """A wheel in the plane z = 0, of parts that touch: {"tire": Shape, "hub": ..., "spoke 1":
+    ...}."""
     turned = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]).T  # the y axis to z
     parts = {"tire": torus(1.0, 0.14, 64, 16), "hub": sphere(2, 0.25)}
     for k in range(spokes):

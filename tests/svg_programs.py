@@ -22,15 +22,19 @@ GOLDEN = Path(__file__).parent / "golden" / "svg"
 KIND = ("contour", "valley", "contour", "crease", "suggestive")
 # valley is s000, the closed suggestive stroke s001, the crease s002, the contours s003 and s004
 BY_HAND = (
-    "select-by-id:s000;transform-translate:7,-3;select-clear;select-by-id:s001;transform-rotate:30;select-clear;"
-    "select-by-id:s002;duplicate;transform-translate:0,15;select-clear;select-by-id:s003;delete;select-clear;"
-    "select-by-id:s004;transform-scale:1.5;select-clear;select-by-id:layer-valley;transform-translate:1,2;select-clear;"
+    "select-by-id:s000;transform-translate:7,-3;select-clear;select-by-id:s001;"
+    "transform-rotate:30;select-clear;"
+    "select-by-id:s002;duplicate;transform-translate:0,15;select-clear;select-by-id:s003;"
+    "delete;select-clear;"
+    "select-by-id:s004;transform-scale:1.5;select-clear;select-by-id:layer-valley;"
+    "transform-translate:1,2;select-clear;"
     "select-by-id:s001;selection-group;export-filename:{};export-do"
 )
 SAVES = {
     "inkscape": "inkscape {0} --export-type=svg --export-filename={1}",
     "inkscape-plain": "inkscape {0} --export-plain-svg --export-type=svg --export-filename={1}",
-    "scour": "scour -q --enable-viewboxing --enable-id-stripping --shorten-ids --indent=none -i {0} -o {1}",
+    "scour": "scour -q --enable-viewboxing --enable-id-stripping --shorten-ids --indent=none "
+    "-i {0} -o {1}",
     "svgo": "svgo {0} -o {1}",
 }
 

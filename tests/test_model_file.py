@@ -77,10 +77,12 @@ def rewritten(path, change):
         (lambda parts: parts.update({VALUES: b'{"format": 2, "format/x": 1}'}), "damaged"),
         (lambda parts: parts.update({"none.npy": b"\x93NUMPY"}), "damaged"),
         (lambda parts: parts.update({"none.npy": parts["nets/path/base.npy"][:-2]}), "damaged"),
-        (lambda parts: parts.update({"none.npy": parts["none.npy"].replace(b"(0, 4)", b"(9" + b"9" * 12 + b",)")}),
+        (lambda parts: parts.update(
+            {"none.npy": parts["none.npy"].replace(b"(0, 4)", b"(9" + b"9" * 12 + b",)")}),
          "damaged"),
     ],
-    ids=["no values", "half", "list", "bytes", "value as folder", "no header", "short array", "vast array"],
+    ids=["no values", "half", "list", "bytes", "value as folder", "no header", "short array",
+         "vast array"],
 )  # fmt: skip
 def test_damage_is_one_line(tmp_path, change, words):
     write_model(tmp_path / "m.pt", PAYLOAD)

@@ -79,7 +79,8 @@ def test_error_falls_with_the_square_of_the_edge(make):
 
 
 def test_derivatives_on_a_torus():
-    """Along the tube, k2 = cos t / (R + r cos t) changes: uvv = dk2/ds, and the other three are 0."""
+    """Along the tube, k2 = cos t / (R + r cos t) changes: uvv = dk2/ds, and the other three are
+    0."""
     big, small = 1.0, 0.4
     shape = shapes.torus(big, small, 192, 96)
     surface = make_surface(*shape)
@@ -97,7 +98,10 @@ def test_derivatives_of_a_cubic():
     tensor = np.array([1.0, -2.0, 3.0, 1.5])
     a, b, c, d = tensor
     shape = shapes.height_field(
-        lambda x, y: -x * x - y * y / 2 - (a * x**3 + 3 * b * x * x * y + 3 * c * x * y * y + d * y**3) / 6,
+        lambda x, y: (
+            -x * x - y * y / 2
+            - (a * x**3 + 3 * b * x * x * y + 3 * c * x * y * y + d * y**3) / 6
+        ),
         lambda x, y: (-2 * x - (a * x * x + 2 * b * x * y + c * y * y) / 2,
                       -y - (b * x * x + 2 * c * x * y + d * y * y) / 2),
         lambda x, y: (-2 - a * x - b * y, -b * x - c * y, -1 - c * x - d * y),
@@ -122,7 +126,10 @@ def test_curvature_holds_up_to_the_border():
     shape = shapes.height_field(
         lambda x, y: 0.5 * np.cos(x) * np.cos(y),
         lambda x, y: (-0.5 * np.sin(x) * np.cos(y), -0.5 * np.cos(x) * np.sin(y)),
-        lambda x, y: (-0.5 * np.cos(x) * np.cos(y), 0.5 * np.sin(x) * np.sin(y), -0.5 * np.cos(x) * np.cos(y)), n=61,
+        lambda x, y: (
+            -0.5 * np.cos(x) * np.cos(y), 0.5 * np.sin(x) * np.sin(y), -0.5 * np.cos(x) * np.cos(y)
+        ),
+        n=61,
     )  # fmt: skip
     surface = make_surface(*shape)
     assert errors(shape, surface).max() < 0.12
@@ -386,7 +393,10 @@ def test_only_what_creases_part_is_parted():
     side = shapes.cylinder(around=32, rows=3)
     n = len(side.vertices)
     rim = np.arange(32)
-    fan = lambda ring, tip: np.stack([ring, np.roll(ring, -1), np.full(len(ring), tip)], 1)  # noqa: E731
+
+    def fan(ring, tip):
+        return np.stack([ring, np.roll(ring, -1), np.full(len(ring), tip)], 1)
+
     lids = [fan(rim, n), fan(n - 32 + rim, n + 1)]
     points = np.vstack([side.vertices, [[0, -1, 0], [0, 1, 0]]])
     surface = make_surface(points, np.vstack([side.faces, *lids]))

@@ -8,7 +8,8 @@ from strokestyle.mesh.triangles import Edges, all_corners, any_corner
 
 
 def soup(seed):
-    """Faces over few vertices, so that edges have one to many faces; none twice, none without area."""
+    """Faces over few vertices, so that edges have one to many faces; none twice, none without
+    area."""
     rng = np.random.default_rng(seed)
     faces = np.array([rng.permutation(9)[:3] for _ in range(40)])
     return faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]

@@ -1,4 +1,5 @@
-"""From curves to the strokes that a hand would draw: joined, cut, directed, run on past their ends."""
+"""From curves to the strokes that a hand would draw: joined, cut, directed, run on past their
+ends."""
 
 import numpy as np
 import pytest

@@ -267,7 +267,8 @@ def resample_curves(curves: Curves, spacing: float) -> Curves:
 
 
 def resample_with_source(curves: Curves, spacing: float) -> tuple[Curves, np.ndarray]:
-    """Resample as `resample_curves` does, and say which row of `curves` is nearest to each point (M,)."""
+    """Resample as `resample_curves` does, and say which row of `curves` is nearest to each point
+    (M,)."""
     row = np.arange(len(curves.xy), dtype=np.float64)
     xy, offsets, (row,) = resample(curves.xy, curves.offsets, spacing, row)
     return Curves(xy, offsets, curves.kind, curves.closed), np.rint(row).astype(np.int64)
