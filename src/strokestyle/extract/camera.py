@@ -242,7 +242,7 @@ def fit_camera(
 
 
 def _eye_direction(view: str, up: str) -> tuple[np.ndarray, np.ndarray]:
-    """Find the unit vector (3,) from the shape to the eye of a view, and the axis (3,) that is up."""
+    """Find the unit vector (3,) from the shape to a view's eye, and the axis (3,) that is up."""
     azimuth, elevation = np.radians(parse_view(view))
     out = np.array(
         [

@@ -16,9 +16,9 @@ from ..mesh.surface import Surface
 
 MAX_ROUNDS = 12  # re-traces past ignored hits; what is still open then counts as hidden
 
-# In mean edges of the face that a point lies on. On contours of 8 scans and bodies, against the same
-# meshes made smooth (curved point-normal triangles): lift 0.05 loses 3 % of what is seen, 0.1 with
-# NEAR 0.4 %; 0.15 shows 2 % too much.
+# In mean edges of the face that a point lies on. On contours of 8 scans and bodies, against the
+# same meshes made smooth (curved point-normal triangles): lift 0.05 loses 3 % of what is seen, 0.1
+# with NEAR 0.4 %; 0.15 shows 2 % too much.
 LIFT = 0.1  # along the normal, of the points of smooth lines
 NEAR = 0.75  # how far a smooth line's own neighbourhood may stand in front of it
 
@@ -209,7 +209,7 @@ class Bvh:
     def _next_hit(
         self, start: np.ndarray, ray: np.ndarray, passed: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Find the next face that each ray (N, 3) from `start` hits after `passed`, and how far off."""
+        """Find the next face that each ray (N, 3) hits after `passed`, and how far off."""
         origin = start + (ray * passed[:, None]).astype(np.float32)
         found = self._run(np.ascontiguousarray(origin, dtype=np.float32), ray)
         return found["primID"].astype(np.int64), passed + found["tfar"]

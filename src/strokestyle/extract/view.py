@@ -73,7 +73,7 @@ class View:
 
         Returns
         -------
-        the pieces, and the part of each; the curves as they are and None where there is but one part
+        the pieces, and the part of each; the curves as they are and None where all is one part
         """
         curves, parts = (self.hidden, self.hidden_parts) if hidden else (self.curves, self.parts)
         if parts is None:
@@ -107,7 +107,7 @@ class View:
         return self.maps.values[np.array(maps)[:, None], row, column].T
 
     def _front_pixels(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Choose for points (N, 2) the row and column (N,) of the pixel that shows what is in front.
+        """Choose for points (N, 2) the row and column (N,) of the pixel that shows the front.
 
         That is the pixel under the point unless a surface clearly nearer to the eye is seen within
         FRONT_REACH px; then the pixel of that surface nearest to the point.

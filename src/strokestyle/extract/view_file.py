@@ -20,6 +20,14 @@ from .view import View
 
 FORMAT = 1
 CURVE_ARRAYS = ("xy", "offsets", "kind", "closed")
+JSON_WANTED = '"curves": [[[x, y], ...], ...]'
+JSON_FIELDS = {  # maps told along the curves, and their names in the file
+    "depth": "depth",
+    "n_dot_v": "ndotv",
+    "view_curvature": "curvature",
+    "normal_x": "nx",
+    "normal_y": "ny",
+}
 
 
 def save_view(path: str | Path, view: View) -> None:
@@ -29,9 +37,11 @@ def save_view(path: str | Path, view: View) -> None:
         "strokestyle_view": np.array(FORMAT),
         "camera": np.array(json.dumps(view.camera.to_dict())),
         **{name: getattr(curves, name) for name in CURVE_ARRAYS},
-        "names": np.array(maps.names), "values": maps.values.astype(np.float16), "covered": np.packbits(maps.covered),
+        "names": np.array(maps.names),
+        "values": maps.values.astype(np.float16),
+        "covered": np.packbits(maps.covered),
         "scale": maps.scale,
-    }  # fmt: skip
+    }
     if len(view.hidden):
         arrays |= {f"hidden_{name}": getattr(view.hidden, name) for name in CURVE_ARRAYS}
     if view.parts is not None:
@@ -45,7 +55,15 @@ def save_view(path: str | Path, view: View) -> None:
 
 
 def load_view(path: str | Path) -> View:
-    """Read what `save_view` wrote. Raises ValueError, naming the file, on anything else; OSError where unreadable."""
+    """Read a view that `save_view` wrote.
+
+    Raises
+    ------
+    ValueError
+        naming the file, on anything else
+    OSError
+        where the file cannot be read.
+    """
     path = Path(path)
     try:
         with open(path, "rb") as handle, np.lib.npyio.NpzFile(handle) as file:
@@ -79,16 +97,12 @@ def load_view(path: str | Path) -> View:
 
 
 def view_to_json(view: View) -> dict:
-    """Camera, curves and what the surface is like along them, for other programs. Points in pixels, two decimals."""
+    """Describe a view for other programs: camera, curves, and the surface along them.
+
+    Points are in pixels, to two decimals. Of the surface: depth in world units, n.v, the
+    view-dependent curvature, and the normal's components on the screen, one number a point.
+    """
     curves = view.curves
-    names = ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")
-    scale = np.array([view.maps.scale[view.maps.names.index(name)] for name in names])
-    fields = view.at_curves(names) * scale
-
-    def ragged(curves, values, digits):
-        flat = np.round(np.asarray(values, np.float64), digits).tolist()
-        return [flat[a:b] for a, b in zip(curves.offsets[:-1], curves.offsets[1:], strict=True)]
-
     content = {
         "format": "strokestyle-curves-1",
         "camera": view.camera.to_dict(),
@@ -96,91 +110,79 @@ def view_to_json(view: View) -> dict:
         "step": float(np.round(np.median(np.hypot(*np.diff(curves.xy, axis=0).T)), 2))
         if len(curves)
         else 0.0,
-        "curves": ragged(curves, curves.xy, 2),
-        "kinds": [KINDS[k] for k in curves.kind],
-        "closed": curves.closed.tolist(),
-        "fields": {
-            name: ragged(curves, column, 4)
-            for name, column in zip(
-                ("depth", "ndotv", "curvature", "nx", "ny"), fields.T, strict=True
-            )
-        },
+        **_curves_to_json(curves),
+        "fields": _surface_along_curves(view),
     }
     if len(view.hidden):
-        content["hidden"] = {
-            "curves": ragged(view.hidden, view.hidden.xy, 2),
-            "kinds": [KINDS[k] for k in view.hidden.kind],
-            "closed": view.hidden.closed.tolist(),
-        }
-    for target, parts in (
-        (content, view.curve_parts),
-        (content.get("hidden"), view.hidden_curve_parts),
-    ):
-        if parts is not None:
-            target["parts"] = [parts.name(i) for i in range(len(parts))]
-    return content
+        hidden = _curves_to_json(view.hidden)
+        content["hidden"] = hidden | _parts_to_json(view.hidden_curve_parts)
+    return content | _parts_to_json(view.curve_parts)
+
+
+def _curves_to_json(curves: Curves) -> dict:
+    """Describe curves: their points, the names of their kinds, and which are closed."""
+    return {
+        "curves": _ragged(curves.offsets, curves.xy, 2),
+        "kinds": [KINDS[k] for k in curves.kind],
+        "closed": curves.closed.tolist(),
+    }
+
+
+def _parts_to_json(parts: Parts | None) -> dict:
+    """Name the part of each curve; nothing where the shape has but one."""
+    return {} if parts is None else {"parts": [parts.name(i) for i in range(len(parts))]}
+
+
+def _surface_along_curves(view: View) -> dict[str, list]:
+    """Read the maps of JSON_FIELDS along the curves, unscaled, to four decimals."""
+    maps = view.maps
+    assert maps.scale is not None  # FeatureMaps has it of every map
+    scale = np.array([maps.scale[maps.names.index(name)] for name in JSON_FIELDS])
+    values = view.at_curves(tuple(JSON_FIELDS)) * scale
+    return {
+        name: _ragged(view.curves.offsets, column, 4)
+        for name, column in zip(JSON_FIELDS.values(), values.T, strict=True)
+    }
+
+
+def _ragged(offsets: np.ndarray, values: np.ndarray, digits: int) -> list[list]:
+    """Round values (N,) or (N, d) of curves, one list a curve."""
+    flat = np.round(np.asarray(values, np.float64), digits).tolist()
+    return [flat[a:b] for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
 
 
 def read_curves_json(data: bytes, size: tuple[int, int]) -> Curves:
-    wanted = '"curves": [[[x, y], ...], ...]'
-    if data.count(b"[") > 8 * limits.MAX_POINTS:  # before millions of lists are made of them
-        raise ValueError(f"more than {8 * limits.MAX_POINTS} lists: simplify the curves first")
-    try:
-        content = json.loads(data)
-    except RecursionError:
-        raise ValueError(
-            f"its lists are nested too deep; a file of curves is a JSON object with {wanted}"
-        ) from None
-    except ValueError as error:  # JSONDecodeError, UnicodeDecodeError, a number of too many digits
-        raise ValueError(f"not a file of curves (JSON expected: {error})") from None
-    if not isinstance(content, dict) or "curves" not in content:
-        found = _keys(content) if isinstance(content, dict) else _a(content)
-        raise ValueError(
-            f"no curves in it, but {found}; a file of curves is a JSON object with {wanted}"
-        )
+    """Read curves from a JSON object with "curves".
+
+    Where it has them, "kinds", "closed" and "size" are read too.
+    Curves given on a canvas of another "size" are fitted into this one.
+
+    Parameters
+    ----------
+    data : the file's content; `view_to_json` describes the format
+    size : (width, height) of the canvas, pixels
+
+    Raises
+    ------
+    ValueError
+        on anything else, on coordinates that are not finite, and on more than files.MAX_CURVES
+        curves or files.MAX_POINTS points.
+    """
+    content = _json_object(data)
     lines = content["curves"]
     if not isinstance(lines, list):
-        raise ValueError(f'"curves" must be a list of lists of points, {wanted}; got {_a(lines)}')
+        raise ValueError(
+            f'"curves" must be a list of lists of points, {JSON_WANTED}; got {_a(lines)}'
+        )
     if len(lines) > limits.MAX_CURVES:
         raise ValueError(
             f"{len(lines)} curves are more than {limits.MAX_CURVES}: simplify them first"
         )
     lines = [_points(line, i) for i, line in enumerate(lines)]
-
-    kinds = content.get("kinds")
-    if kinds is None:
-        kinds = ["other"] * len(lines)
-    if (
-        not isinstance(kinds, list)
-        or len(kinds) != len(lines)
-        or not all(isinstance(kind, str) for kind in kinds)
-    ):
-        found = f"a list of {len(kinds)}" if isinstance(kinds, list) else _a(kinds)
-        raise ValueError(
-            f'"kinds" must be a list of names, one for each of the {len(lines)} curves; got {found}'
-        )
-    other = KINDS.index("other")
-    kind = np.array([other if (k := kind_named(name)) is None else k for name in kinds], np.int64)
-
-    closed = content.get("closed")
+    kind = _json_kinds(content.get("kinds"), len(lines))
+    closed = _json_closed(content.get("closed"), len(lines))
     if closed is not None:
-        if (
-            not isinstance(closed, list)
-            or len(closed) != len(lines)
-            or not all(isinstance(c, bool) for c in closed)
-        ):
-            raise ValueError(
-                f'"closed" must be a list of true and false, one for each of the {len(lines)} curves'
-            )
-        # other programs leave out the point that closes a curve: it is our convention that repeats it
-        lines = [
-            np.concatenate([line, line[:1]])
-            if c and len(line) > 2 and (line[0] != line[-1]).any()
-            else line
-            for line, c in zip(lines, closed, strict=True)
-        ]
-        closed = np.array(closed, bool)
-
+        lines = [_ring(line) if c else line for line, c in zip(lines, closed, strict=True)]
     counts = np.array([len(line) for line in lines], np.int64)
     if counts.sum() > limits.MAX_POINTS:
         raise ValueError(
@@ -193,8 +195,70 @@ def read_curves_json(data: bytes, size: tuple[int, int]) -> Curves:
     return clean_curves(xy, np.r_[0, np.cumsum(counts)], kind, closed)
 
 
-def _points(line, i: int) -> np.ndarray:
-    """One curve of a JSON file, (n, 2)."""
+def _json_object(data: bytes) -> dict:
+    """Parse a file of curves as far as the object that holds them."""
+    if data.count(b"[") > 8 * limits.MAX_POINTS:  # before millions of lists are made of them
+        raise ValueError(f"more than {8 * limits.MAX_POINTS} lists: simplify the curves first")
+    try:
+        content = json.loads(data)
+    except RecursionError:
+        raise ValueError(
+            "its lists are nested too deep; a file of curves is a JSON object with " + JSON_WANTED
+        ) from None
+    except ValueError as error:  # JSONDecodeError, UnicodeDecodeError, a number of too many digits
+        raise ValueError(f"not a file of curves (JSON expected: {error})") from None
+    if not isinstance(content, dict) or "curves" not in content:
+        found = _keys(content) if isinstance(content, dict) else _a(content)
+        raise ValueError(
+            f"no curves in it, but {found}; a file of curves is a JSON object with {JSON_WANTED}"
+        )
+    return content
+
+
+def _json_kinds(names: object, count: int) -> np.ndarray:
+    """Read "kinds" as indices into KINDS, (count,); names unknown or not given are "other"."""
+    if names is None:
+        names = ["other"] * count
+    if (
+        not isinstance(names, list)
+        or len(names) != count
+        or not all(isinstance(name, str) for name in names)
+    ):
+        found = f"a list of {len(names)}" if isinstance(names, list) else _a(names)
+        raise ValueError(
+            f'"kinds" must be a list of names, one for each of the {count} curves; got {found}'
+        )
+    other = KINDS.index("other")
+    return np.array([other if (k := kind_named(name)) is None else k for name in names], np.int64)
+
+
+def _json_closed(flags: object, count: int) -> np.ndarray | None:
+    """Read "closed", (count,) bool, or None where it is not given."""
+    if flags is None:
+        return None
+    if (
+        not isinstance(flags, list)
+        or len(flags) != count
+        or not all(isinstance(flag, bool) for flag in flags)
+    ):
+        raise ValueError(
+            f'"closed" must be a list of true and false, one for each of the {count} curves'
+        )
+    return np.array(flags, bool)
+
+
+def _ring(line: np.ndarray) -> np.ndarray:
+    """Repeat the first point of a closed curve (n, 2) as its last, unless it is.
+
+    Other programs leave out the point that closes a curve: it is our convention that repeats it.
+    """
+    if len(line) > 2 and (line[0] != line[-1]).any():
+        return np.concatenate([line, line[:1]])
+    return line
+
+
+def _points(line: object, i: int) -> np.ndarray:
+    """Read curve i of a JSON file, (n, 2)."""
     try:
         points = np.asarray(line)
     except (ValueError, OverflowError):  # ragged
@@ -213,20 +277,24 @@ def _points(line, i: int) -> np.ndarray:
     return points
 
 
-def _json_size(found, canvas: tuple[int, int]) -> tuple[float, float]:
+def _json_size(found: object, canvas: tuple[int, int]) -> tuple[float, float]:
+    """Read "size", (width, height) in pixels; where it is not given, it is the canvas's."""
     if found is None:
         return canvas
-    numbers = isinstance(found, list) and all(
-        isinstance(v, (int, float)) and not isinstance(v, bool) for v in found
-    )
-    if not (numbers and len(found) == 2 and all(1 / MAX_NUMBER <= v <= MAX_NUMBER for v in found)):
+    if not (
+        isinstance(found, list)
+        and all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in found)
+        and len(found) == 2
+        and all(1 / MAX_NUMBER <= v <= MAX_NUMBER for v in found)
+    ):
         raise ValueError(
             f'"size" must be [width, height] in pixels, both above 0; got {json.dumps(found)[:60]}'
         )
     return float(found[0]), float(found[1])
 
 
-def _a(value) -> str:
+def _a(value: object) -> str:
+    """Name the sort of a JSON value, as a message has it."""
     names = {
         dict: "an object",
         list: "a list",
@@ -238,6 +306,7 @@ def _a(value) -> str:
 
 
 def _keys(content: dict) -> str:
+    """Name the first keys of a JSON object, as a message has them."""
     names = ", ".join(json.dumps(key)[:30] for key in list(content)[:4])
     return (
         "an empty object"
