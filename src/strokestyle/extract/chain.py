@@ -1,12 +1,39 @@
-"""Chain segments across faces into the longest curves."""
+"""Chain segments across faces into the longest curves.
+
+Every segment is two one-way walks: walk 2 s goes from the first end of segment s to its second,
+walk 2 s + 1 goes back. So walk w starts at end w and stops at end w ^ 1, and w ^ 1 is also the same
+segment walked the other way. The walk that follows w is the one that starts at the end joined to
+w's last. Chains are found in all segments at once, by pointer doubling.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from ..geometry.curves import owner, runs
 from ..mesh.surface import Surface
 from .segments import Segments
 from .surface_curves import SurfaceCurves
+
+CORNER_COSINE = -0.5  # ends of a junction that bend by more than 60 degrees are not joined
+SAME_POINT = 1e-9  # in longest sides of the shape; points of a curve that are nearer are one
+
+
+class Chains(NamedTuple):
+    """Walks that follow each other, chain by chain.
+
+    Parameters
+    ----------
+    walk : (W,) int, all walks of chain 0 in order, then those of chain 1, and so on
+    offsets : (C+1,) int, chain i is rows offsets[i]:offsets[i+1] of `walk`
+    closed : (C,) bool, whether a chain's last walk stops where its first one starts
+    """
+
+    walk: np.ndarray
+    offsets: np.ndarray
+    closed: np.ndarray
 
 
 def chain_segments(
@@ -14,132 +41,162 @@ def chain_segments(
 ) -> SurfaceCurves:
     """Join segments end to end into the longest polylines.
 
-    At a junction of three or more ends, the straightest pair goes on and the others end there. Open curves keep the
-    direction of most of their segments; closed ones start at their highest point along `up`.
+    At a junction of three or more ends, the straightest pair goes on and the others end there. Open
+    curves keep the direction of most of their segments; closed ones start at their highest point.
 
-    Every segment is two one-way walks, 2 s from its first end to its second and 2 s + 1 back; walk w starts at end w
-    and stops at end w ^ 1. The next walk is the one that starts at the end joined to that.
+    Parameters
+    ----------
+    segments : of one kind, in faces of `surface`
+    up : (3,), the direction along which closed curves are highest where they start
+    hysteresis : strength in 0..1 that a curve must reach somewhere; 0 keeps all curves
     """
-    count = len(segments)
-    if not count:
+    if not len(segments):
         return SurfaceCurves.empty()
     points = segments.points(surface)
-    mate = _join(segments.node.ravel(), points)
-    walks = np.arange(2 * count)
+    mate = _join_ends(segments.node.ravel(), points)
+    ring_starts = _ring_starts(mate, points.reshape(-1, 3) @ up)
+    _cut_before(ring_starts, mate)
+    curves = _curves_of(segments, _chains(mate, ring_starts))
+    curves = _drop_repeats(surface, curves)
+    if hysteresis > 0.0 and len(curves):
+        strongest = np.maximum.reduceat(curves.strength, curves.offsets[:-1])
+        curves = curves.take(strongest >= hysteresis)
+    return curves
 
-    def following(mate):
-        return mate[walks ^ 1]
 
-    # break closed chains at their highest point, in the direction in which most of their segments run
-    ring = _last(following(mate)) < 0
-    closed_start = np.zeros(0, np.int64)
-    if ring.any():
-        height = points.reshape(-1, 3) @ up
-        rank = np.empty(2 * count, np.int64)
-        rank[np.lexsort((walks, -height))] = walks  # 0 = highest
-        order = np.argsort(rank)
-        top = order[_least(following(mate), rank)]  # for each walk of a ring, its highest start
-        starts = np.unique(top[ring])
-        forward = np.bincount(
-            top[ring], weights=1.0 - 2.0 * (walks[ring] % 2), minlength=2 * count
-        )[starts]
-        # the two walks round a ring mirror each other: keep the one that runs forward, or at a tie starts lower
-        opposite = top[starts ^ 1]
-        keep = (forward > 0) | ((forward == 0) & (starts < opposite))
-        closed_start = starts[keep]
-        other = mate[closed_start]
-        mate[closed_start], mate[other] = -1, -1
+def _join_ends(node: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Find for each end, named `node` (2S,), the end of another segment that goes on from it, or -1.
 
-    last, steps = _rank(following(mate))
-    # walks of one chain share their last walk; of a chain and its mirror image keep one
-    forward = np.bincount(last, weights=1.0 - 2.0 * (walks % 2), minlength=2 * count)
-    first_of = np.full(2 * count, -1)
-    begins = mate < 0  # nothing joined to the end that walk w starts from
-    first_of[last[begins]] = walks[begins]
+    `points` (S, 2, 3) are the ends in space.
+    """
+    order = np.argsort(node, kind="stable")
+    start = runs(node[order])
+    degree = np.diff(start)
+    mate = np.full(len(node), -1)
+    pair = start[:-1][degree == 2]
+    a, b = order[pair], order[pair + 1]
+    mate[a], mate[b] = b, a
+    outward = _outward(points)
+    for junction in np.flatnonzero(degree > 2):  # few: forks and corners
+        _join_straightest(order[start[junction] : start[junction + 1]], outward, mate)
+    return mate
+
+
+def _outward(points: np.ndarray) -> np.ndarray:
+    """Point from each end into its segment, by unit vectors (2S, 3); `points` are (S, 2, 3)."""
+    direction = points[:, 1] - points[:, 0]
+    direction = direction / np.maximum(np.linalg.norm(direction, axis=1), 1e-30)[:, None]
+    return np.stack([direction, -direction], axis=1).reshape(-1, 3)
+
+
+def _join_straightest(ends: np.ndarray, outward: np.ndarray, mate: np.ndarray) -> None:
+    """Join the ends (E,) of a junction in `mate`, the straightest pair first, down to a corner."""
+    cosine = outward[ends] @ outward[ends].T
+    np.fill_diagonal(cosine, 1.0)
+    while True:
+        i, j = np.unravel_index(cosine.argmin(), cosine.shape)
+        if cosine[i, j] > CORNER_COSINE:
+            break
+        mate[ends[i]], mate[ends[j]] = ends[j], ends[i]
+        cosine[[i, j]] = cosine[:, [i, j]] = 1.0
+
+
+def _following(mate: np.ndarray) -> np.ndarray:
+    """Tell which walk follows each walk, (2S,), -1 after the last one of a chain."""
+    return mate[np.arange(len(mate)) ^ 1]
+
+
+def _votes_forward(group: np.ndarray, walk: np.ndarray, size: int) -> np.ndarray:
+    """Count in each of `size` groups the walks that run forward, less those that run back."""
+    return np.bincount(group, weights=1.0 - 2.0 * (walk % 2), minlength=size)
+
+
+def _ring_starts(mate: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Choose one walk for each ring (R,): from its highest point, the way most segments run.
+
+    `height` (2S,) is that of each end.
+    """
+    following = _following(mate)
+    on_ring = _to_last(following)[0] < 0
+    if not on_ring.any():
+        return np.zeros(0, np.int64)
+    walks = np.arange(len(mate))
+    order = np.lexsort((walks, -height))  # from the highest start down
+    rank = np.empty(len(mate), np.int64)
+    rank[order] = walks
+    top = order[_least(following, rank)]  # for each walk of a ring, its highest start
+    starts = np.unique(top[on_ring])
+    forward = _votes_forward(top[on_ring], walks[on_ring], len(mate))[starts]
+    # The two walks round a ring mirror each other: keep the one that runs forward, or at a tie
+    # starts lower.
+    opposite = top[starts ^ 1]
+    return starts[(forward > 0) | ((forward == 0) & (starts < opposite))]
+
+
+def _cut_before(walk: np.ndarray, mate: np.ndarray) -> None:
+    """Part the ends from which some walks start from those that they are joined to, in `mate`."""
+    other = mate[walk]
+    mate[walk], mate[other] = -1, -1
+
+
+def _chains(mate: np.ndarray, ring_starts: np.ndarray) -> Chains:
+    """Put the walks of each chain in order, where rings are cut; one way of the two along each."""
+    last, steps = _to_last(_following(mate))
+    heads, tails, closed = _one_way(mate, last, ring_starts)
+    label = np.full(len(mate), -1)  # chains are counted by their first walks
+    label[tails] = np.argsort(np.argsort(heads))
+    of_walk = label[last]
+    used = np.flatnonzero(of_walk >= 0)
+    used = used[np.lexsort((-steps[used], of_walk[used]))]
+    lengths = np.bincount(of_walk[used], minlength=len(tails))
+    closed_by_label = np.zeros(len(tails), bool)
+    closed_by_label[label[tails]] = closed
+    return Chains(used, np.r_[0, np.cumsum(lengths)], closed_by_label)
+
+
+def _one_way(
+    mate: np.ndarray, last: np.ndarray, ring_starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Choose for each chain the way along it: its first and its last walk, and if it was a ring.
+
+    All are (C,). Of a chain and its mirror image the one goes that runs the way of most of its
+    segments, or at a tie has the lower last walk; of a ring the one from its start.
+    `last` (2S,) is the last walk of the chain of each walk, which all its walks share.
+    """
+    size = len(mate)
+    forward = _votes_forward(last, np.arange(size), size)
+    first_of = np.full(size, -1)
+    begins = np.flatnonzero(mate < 0)  # nothing is joined to the end that such a walk starts from
+    first_of[last[begins]] = begins
     tails = np.flatnonzero(first_of >= 0)
     heads = first_of[tails]
     mirror = heads ^ 1  # the mirrored chain ends with the head's segment walked back
     chosen = (forward[tails] > forward[mirror]) | (
         (forward[tails] == forward[mirror]) & (tails < mirror)
     )
-    is_closed = np.zeros(2 * count, bool)
-    is_closed[closed_start] = True
-    chosen = np.where(is_closed[heads], True, np.where(is_closed[first_of[mirror]], False, chosen))
-    tails, heads = tails[chosen], heads[chosen]
-
-    label = np.full(2 * count, -1)
-    label[tails] = np.argsort(np.argsort(heads))
-    of_walk = label[last]
-    used = np.flatnonzero(of_walk >= 0)
-    used = used[np.lexsort((-steps[used], of_walk[used]))]
-    curve = of_walk[used]
-    lengths = np.bincount(curve, minlength=len(tails))
-    closed = np.zeros(len(tails), bool)
-    closed[label[tails]] = is_closed[heads]
-
-    # rows: the start of every walk, then the end of the curve's last walk
-    offsets = np.r_[0, np.cumsum(lengths + 1)]
-    start_row = np.arange(len(used)) + curve
-    final = used[np.cumsum(lengths) - 1]
-    face = np.empty(offsets[-1], np.int64)
-    bary, strength = np.empty((offsets[-1], 3)), np.empty(offsets[-1])
-    flat_bary, flat_strength = segments.bary.reshape(-1, 3), segments.strength.ravel()
-    for rows, end in ((start_row, used), (offsets[1:] - 1, final ^ 1)):
-        face[rows], bary[rows], strength[rows] = (
-            segments.face[end // 2],
-            flat_bary[end],
-            flat_strength[end],
-        )
-    face[offsets[1:][closed] - 1] = face[offsets[:-1][closed]]
-    bary[offsets[1:][closed] - 1] = bary[offsets[:-1][closed]]
-    curves = SurfaceCurves(
-        face, bary, offsets, np.full(len(tails), segments.kind), closed, strength
-    )
-    curves = _drop_repeats(surface, curves)
-    if hysteresis > 0.0 and len(curves):
-        curves = curves.take(
-            np.maximum.reduceat(curves.strength, curves.offsets[:-1]) >= hysteresis
-        )
-    return curves
+    was_ring = np.zeros(size, bool)
+    was_ring[ring_starts] = True
+    chosen = was_ring[heads] | (chosen & ~was_ring[first_of[mirror]])
+    return heads[chosen], tails[chosen], was_ring[heads[chosen]]
 
 
-def _join(node: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """For each end (2S,), the end of another segment that goes on from it, or -1."""
-    order = np.argsort(node, kind="stable")
-    name = node[order]
-    first = np.flatnonzero(np.r_[True, name[1:] != name[:-1]])
-    degree = np.diff(np.r_[first, len(name)])
-    mate = np.full(len(node), -1)
-    pair = first[degree == 2]
-    a, b = order[pair], order[pair + 1]
-    mate[a], mate[b] = b, a
-    direction = points[:, 1] - points[:, 0]
-    direction = direction / np.maximum(np.linalg.norm(direction, axis=1), 1e-30)[:, None]
-    outward = np.stack([direction, -direction], axis=1).reshape(
-        -1, 3
-    )  # away from each end into its segment
-    for start, size in zip(
-        first[degree > 2], degree[degree > 2], strict=True
-    ):  # few: forks and corners
-        ends = order[start : start + size]
-        cosine = outward[ends] @ outward[ends].T
-        np.fill_diagonal(cosine, 1.0)
-        while True:
-            i, j = np.unravel_index(cosine.argmin(), cosine.shape)
-            if cosine[i, j] > -0.5:  # a bend of more than 60 degrees is a corner
-                break
-            mate[ends[i]], mate[ends[j]] = ends[j], ends[i]
-            cosine[[i, j]] = cosine[:, [i, j]] = 1.0
-    return mate
+def _curves_of(segments: Segments, chains: Chains) -> SurfaceCurves:
+    """Make curves of chains: where each walk starts, and last where the last walk of each stops."""
+    count = len(chains.closed)
+    offsets = chains.offsets + np.arange(count + 1)
+    end = np.empty(offsets[-1], np.int64)
+    end[np.arange(len(chains.walk)) + owner(chains.offsets)] = chains.walk
+    end[offsets[1:] - 1] = chains.walk[chains.offsets[1:] - 1] ^ 1
+    face = segments.face[end // 2]
+    bary, strength = segments.bary.reshape(-1, 3)[end], segments.strength.ravel()[end]
+    first, last = offsets[:-1][chains.closed], offsets[1:][chains.closed] - 1
+    face[last], bary[last] = face[first], bary[first]
+    kind = np.full(count, segments.kind)
+    return SurfaceCurves(face, bary, offsets, kind, chains.closed, strength)
 
 
-def _last(following: np.ndarray) -> np.ndarray:
-    """The last walk of each walk's chain, -1 on rings: pointer doubling."""
-    return _rank(following)[0]
-
-
-def _rank(following: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each walk the last walk of its chain (-1 on rings) and the number of steps to it."""
+def _to_last(following: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the last walk of each walk's chain (-1 on rings), and the number of steps to it."""
     walks = np.arange(len(following))
     jump = np.where(following < 0, walks, following)
     steps = (following >= 0).astype(np.int64)
@@ -150,7 +207,7 @@ def _rank(following: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _least(following: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """The least value on each walk's ring."""
+    """Find the least `value` on each walk's ring."""
     walks = np.arange(len(following))
     jump = np.where(following < 0, walks, following)
     for _ in range(int(len(following)).bit_length()):
@@ -160,18 +217,15 @@ def _least(following: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 
 def _drop_repeats(surface: Surface, curves: SurfaceCurves) -> SurfaceCurves:
-    """Leave out points that coincide with the one before, and curves of which nothing remains.
+    """Leave out points that coincide with the next one, and curves of which nothing remains.
 
-    Lines through a vertex cross several edges in one point.
+    Lines through a vertex cross several edges in one point. The earlier of two equal points goes:
+    its segment has no length.
     """
-    points = curves.points(surface)
-    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    keep = np.r_[
-        step > 1e-9, True
-    ]  # drop the earlier of two equal points: its segment has no length
-    last = curves.offsets[1:] - 1
-    keep[last] = True
-    curve = np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
+    step = np.linalg.norm(np.diff(curves.points(surface), axis=0), axis=1)
+    keep = np.r_[step > SAME_POINT, True]
+    keep[curves.offsets[1:] - 1] = True
+    curve = owner(curves.offsets)
     left = np.bincount(curve[keep], minlength=len(curves))
     good = left >= 2
     keep &= good[curve]
