@@ -188,7 +188,7 @@ def test_sharpness_of_conics(z, first, second, expected):
     surface = make_surface(*shape)
     tip = np.abs(shape.vertices[:, 0]) < 0.05
     tip &= np.abs(shape.vertices[:, 1]) < 0.9
-    sharp = lines._sharpness(surface, surface.dcurv[:, 0], np.arange(len(surface.faces)))
+    sharp = lines.sharpness(surface, surface.dcurv[:, 0], np.arange(len(surface.faces)))
     assert np.allclose(sharp[tip], expected, atol=0.2)
     for least in (1, 3, 13):
         curves = feature_curves(surface, camera(), only("ridge", ridge=0.01, sharpness=least))
@@ -287,7 +287,7 @@ def test_slopes_along_a_direction_are_foreshortened():
     surface = make_surface(*shapes.plane(9))
     value = surface.vertices @ [2.0, 1.0, 0.0]
     direction = np.tile([1.0, 0.0, 0.0], (len(value), 1))
-    slope = lines._slope(
+    slope = lines.foreshortened_slope(
         surface, value, direction, np.full(len(value), -0.5), np.arange(len(surface.faces))
     )
     inner = np.abs(surface.vertices).max(axis=1) < 0.49

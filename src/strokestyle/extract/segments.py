@@ -1,13 +1,14 @@
-"""Lines on the surface: contours, suggestive contours, apparent ridges, ridges, valleys, creases, boundaries,
-intersections.
+"""Find feature lines on a surface: contours, suggestive contours, apparent ridges, and the others.
 
-Segments are found face by face, below the resolution of the mesh, where a linearly interpolated per-vertex field
-crosses zero; they are then chained across faces into the longest polylines. Conventions and thresholds are rtsc's.
+The others are ridges, valleys, creases, boundaries and intersections. Segments are found face by
+face, below the resolution of the mesh, where a field that is given at the vertices and linear
+between them crosses zero; `chain` joins them across faces. Conventions and thresholds are those of
+rtsc (Rusinkiewicz, DeCarlo).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,14 +22,10 @@ from .line_options import LineOptions
 from .surface_curves import interpolate_on_faces
 from .view_curvature import ViewFields
 
-LEAST_CROSSING = 10.0  # degrees, see intersection_segments
-NEXT_CORNER, CORNER_BEFORE = (
-    np.array([1, 2, 0]),
-    np.array([2, 0, 1]),
-)  # the corners after and before corner 0, 1, 2
-
-
-# -------------------------------------------------------------------------------------------------------- segments
+MIN_CROSSING = 10.0  # degrees, see intersection_segments
+SOFTNESS = 0.03  # of n.v against the derivative, in the strength of suggestive contours
+# The corners after and before corner 0, 1, 2 of a face.
+NEXT_CORNER, CORNER_BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 @dataclass(frozen=True)
@@ -54,131 +51,145 @@ class Segments:
         return len(self.face)
 
     def none(self) -> Segments:
-        """No segments of the same kind."""
+        """Take no segments, of the same kind."""
         return self.take(slice(0, 0))
 
-    def take(self, index) -> Segments:
+    def take(self, index: np.ndarray | slice) -> Segments:
+        """Take the segments of an index, mask or slice over S, in that order."""
         return Segments(
             self.kind, self.face[index], self.bary[index], self.node[index], self.strength[index]
         )
 
     def points(self, surface: Surface) -> np.ndarray:
-        """(S, 2, 3)."""
+        """Place the ends in space, (S, 2, 3)."""
         return np.einsum("sei,sik->sek", self.bary, surface.vertices[surface.faces[self.face]])
 
 
 def _zero_lines(
-    surface: Surface, value: np.ndarray, kind: str, among=None, rims: bool = True
+    surface: Surface,
+    value: np.ndarray,
+    kind: str,
+    among: np.ndarray | None = None,
+    rims: bool = True,
 ) -> Segments:
-    """Where `value` (V,), linear on each face, is zero; the higher side lies to the left, seen from outside.
+    """Find where `value` (V,), linear on each face, is zero; the higher side lies to the left.
 
-    Zero counts as positive, everywhere alike, so that lines never end inside the mesh. Ends are named by mesh edge.
-    `rims` : also along edges whose both ends are exactly 0, such as around flat parts where all of it is 0.
-    `among` : indices of the faces to look at, all by default.
+    That is seen from outside. Zero counts as positive, everywhere alike, so that lines never end
+    inside the mesh. Ends are named by mesh edge.
+
+    Parameters
+    ----------
+    among : (A,) int, the faces to look at, all by default
+    rims : also along edges whose both ends are exactly 0, such as around flat
+        parts where all of it is 0
     """
-    faces = surface.faces if among is None else surface.faces[among]
     high = value >= 0.0
+    face = _crossed_faces(surface, value, high, among, rims)
+    corner = surface.faces[face]
+    high_corner = high[corner]
+    high_count = high_corner.sum(axis=1)
+    # the corner that is alone on its side
+    odd = np.argmax(high_corner == (high_count == 1)[:, None], axis=1)
+    # walking from side (odd, after) to side (odd, before) has the odd corner on the left
+    ends = np.stack([NEXT_CORNER[odd], CORNER_BEFORE[odd]], axis=1)
+    flip = high_count == 2
+    ends[flip] = ends[flip, ::-1]
+    row = np.arange(len(face))
+    own, bary = value[corner[row, odd]], np.zeros((len(face), 2, 3))
+    for end, other in enumerate(ends.T):
+        t = own / (own - value[corner[row, other]])  # signs differ, so this is never 0 / 0
+        bary[row, end, odd], bary[row, end, other] = 1.0 - t, t
+    node = _edge_name(surface, corner[row, odd][:, None], corner[row[:, None], ends])
+    return Segments(KINDS.index(kind), face, bary, node, np.ones((len(face), 2)))
+
+
+def _crossed_faces(
+    surface: Surface, value: np.ndarray, high: np.ndarray, among: np.ndarray | None, rims: bool
+) -> np.ndarray:
+    """Find the faces (S,) with corners both high and not; see `_zero_lines`. `high` : (V,) bool."""
+    faces = surface.faces if among is None else surface.faces[among]
     crossed = any_corner(faces, high) & ~all_corners(faces, high)
     if not rims:
         a, b, c = ((value == 0.0)[faces[:, i]] for i in range(3))
         crossed &= ~(a & b | b & c | c & a)
     mixed = np.flatnonzero(crossed)
-    face = mixed if among is None else among[mixed]
-    high = high[surface.faces[face]]
-    ups = high.sum(axis=1)
-    # the corner that is alone on its side
-    odd = np.argmax(high == (ups == 1)[:, None], axis=1)
-    after, before = NEXT_CORNER[odd], CORNER_BEFORE[odd]
-    row = np.arange(len(mixed))
-    corner_value = value[surface.faces[face]]
-    own, a, b = corner_value[row, odd], corner_value[row, after], corner_value[row, before]
-    bary = np.zeros((len(mixed), 2, 3))
-    for end, (other, corner) in enumerate(((a, after), (b, before))):
-        t = own / (own - other)  # signs differ, so this is never 0 / 0
-        bary[row, end, odd], bary[row, end, corner] = 1.0 - t, t
-    corner = surface.faces[face]
-    node = np.stack(
-        [_edge_name(surface, corner[row, odd], corner[row, other]) for other in (after, before)],
-        axis=1,
-    )
-    # walking from side (odd, after) to side (odd, before) has the odd corner on the left
-    flip = ups == 2
-    bary[flip], node[flip] = bary[flip, ::-1], node[flip, ::-1]
-    return Segments(KINDS.index(kind), face, bary, node, np.ones((len(mixed), 2)))
+    return mixed if among is None else among[mixed]
 
 
 def _edge_name(surface: Surface, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The name of the point of a line on the edge between vertices a and b, one side of it where it is cut."""
+    """Name the point of a line on the edge between vertices a and b, one side of it where cut."""
     return np.minimum(a, b) * len(surface.vertices) + np.maximum(a, b)
 
 
 def _first_free_name(surface: Surface) -> int:
-    """Names from here on are no edge's and no vertex's."""
+    """Tell the name from which on none is an edge's or a vertex's."""
     return len(surface.vertices) ** 2 + len(surface.vertices)
 
 
 def _vertex_name(surface: Surface, vertex: np.ndarray) -> np.ndarray:
-    """The name of the end of a line at a vertex's place."""
+    """Name the end of a line at a vertex's place."""
     return len(surface.vertices) ** 2 + surface.weld[vertex]
 
 
 def _keep_positive(
     segments: Segments, numerator: np.ndarray, denominator: np.ndarray, names: np.ndarray
 ) -> Segments:
-    """Cut segments to where numerator / denominator, (S, 2) each and linear along a segment, is not negative.
+    """Cut segments to where numerator / denominator is not negative.
 
-    names (S, 2) : of the ends made where the numerator is 0 and where the denominator is 0
+    Parameters
+    ----------
+    numerator, denominator : (S, 2), values at the ends, linear along a segment
+    names : (S, 2) int, of the ends made where the numerator is 0, and where the denominator is 0
     """
-    n0, n1 = numerator.T
-    d0, d1 = denominator.T
-
-    def zero(a, b):  # of a linear function from a to b; 1 where it has none inside
-        crosses = (a >= 0.0) != (b >= 0.0)
-        return np.where(crosses, a / np.where(crosses, a - b, 1.0), 1.0)
-
-    good = (n0 >= 0.0) == (d0 >= 0.0)
-    cuts = np.stack([zero(n0, n1), zero(d0, d1)], axis=1)
+    good = (numerator[:, 0] >= 0.0) == (denominator[:, 0] >= 0.0)
+    cuts = np.stack([_zero_along(numerator), _zero_along(denominator)], axis=1)
     order = np.argsort(cuts, axis=1)
     cuts, names = np.take_along_axis(cuts, order, axis=1), np.take_along_axis(names, order, axis=1)
     count = len(segments)
     stops = np.column_stack([np.zeros(count), cuts, np.ones(count)])
     stop_names = np.column_stack([segments.node[:, 0], names, segments.node[:, 1]])
     stop_names = np.where(stops >= 1.0, segments.node[:, 1:], stop_names)
-    index, low, high, node = [], [], [], []
-    for i in range(3):  # validity alternates at each cut
-        rows = np.flatnonzero((good ^ bool(i % 2)) & (stops[:, i + 1] > stops[:, i]))
-        index.append(rows)
-        low.append(stops[rows, i])
-        high.append(stops[rows, i + 1])
-        node.append(stop_names[rows, i : i + 2])
-    index, node = np.concatenate(index), np.concatenate(node)
-    t = np.stack([np.concatenate(low), np.concatenate(high)], axis=1)
-    part = segments.take(index)
-    bary = part.bary[:, :1] * (1.0 - t)[:, :, None] + part.bary[:, 1:] * t[:, :, None]
-    strength = part.strength[:, :1] * (1.0 - t) + part.strength[:, 1:] * t
-    order = np.argsort(index, kind="stable")
-    return Segments(part.kind, part.face[order], bary[order], node[order], strength[order])
+    # between stops i and i + 1; whether a stretch is good alternates at each cut
+    alternating = good[:, None] ^ np.array([False, True, False])
+    row, i = np.nonzero(alternating & (stops[:, 1:] > stops[:, :-1]))
+    between = row[:, None], np.stack([i, i + 1], axis=1)
+    return _stretch(segments.take(row), stops[between], stop_names[between])
+
+
+def _zero_along(value: np.ndarray) -> np.ndarray:
+    """Find where linear functions, given at 0 and 1 (S, 2), are zero, (S,); 1 if nowhere between."""
+    a, b = value.T
+    crosses = (a >= 0.0) != (b >= 0.0)
+    return np.where(crosses, a / np.where(crosses, a - b, 1.0), 1.0)
+
+
+def _stretch(segments: Segments, t: np.ndarray, node: np.ndarray) -> Segments:
+    """Cut each segment to its stretch from one to the other `t` (S, 2) in 0..1, named `node`."""
+    bary, strength = segments.bary, segments.strength
+    bary = bary[:, :1] * (1.0 - t)[:, :, None] + bary[:, 1:] * t[:, :, None]
+    strength = strength[:, :1] * (1.0 - t) + strength[:, 1:] * t
+    return replace(segments, bary=bary, node=node, strength=strength)
 
 
 def _new_names(surface: Surface, segments: Segments) -> np.ndarray:
-    """(S, 2) names of ends inside of faces, all different."""
+    """Name ends inside of faces, (S, 2), all differently."""
     return _first_free_name(surface) + np.arange(2 * len(segments)).reshape(-1, 2)
 
 
 def values_at_ends(surface: Surface, segments: Segments, value: np.ndarray) -> np.ndarray:
-    """Per-vertex values (V,) at both ends of each segment, (S, 2)."""
+    """Interpolate per-vertex values (V,) at both ends of each segment, (S, 2)."""
     return np.einsum("sei,si->se", segments.bary, value[surface.faces[segments.face]])
 
 
 class Trimmed(NamedTuple):
-    """Lines of one kind: those that may be seen, and those that the shape hides however one looks."""
+    """Lines of one kind: what may be seen, and what the shape hides however one looks."""
 
     shown: Segments
     unseen: Segments
 
 
 def contour_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Trimmed:
-    """Find occluding contours: n.v = 0, and creases of which one side faces the eye and one does not.
+    """Find occluding contours: n.v = 0, and creases of which just one side faces the eye.
 
     On closed surfaces those with positive radial curvature, and convex creases, may be seen. The
     rest lies inside a hollow and is always hidden. On open surfaces one may look at the inside,
@@ -186,7 +197,9 @@ def contour_segments(surface: Surface, view: ViewFields, options: LineOptions) -
     """
     segments = _zero_lines(surface, view.n_dot_v, "contour")
     if not options.trim:
-        return Trimmed(_joined(segments, _folds(surface, view, surface.cut_edges)), segments.none())
+        return Trimmed(
+            _joined(segments, _fold_contours(surface, view, surface.cut_edges)), segments.none()
+        )
     radial = values_at_ends(surface, segments, view.radial_curvature(surface))
     radial[~surface.closed_faces[segments.face]] = 1.0
     names = _new_names(surface, segments)
@@ -195,12 +208,12 @@ def contour_segments(surface: Surface, view: ViewFields, options: LineOptions) -
     )
     edge = surface.cut_edges
     bulges = _convex(surface, edge) | ~surface.closed_faces[surface.edge_faces[edge, 0]]
-    folds = (_folds(surface, view, edge[mask]) for mask in (bulges, ~bulges))
+    folds = (_fold_contours(surface, view, edge[mask]) for mask in (bulges, ~bulges))
     return Trimmed(*(_joined(part, fold) for part, fold in zip(parts, folds, strict=True)))
 
 
-def _folds(surface: Surface, view: ViewFields, edge: np.ndarray) -> Segments:
-    """Parts of cut edges (M,) at which one side faces the eye and the other does not.
+def _fold_contours(surface: Surface, view: ViewFields, edge: np.ndarray) -> Segments:
+    """Find the parts of cut edges (M,) at which one side faces the eye and the other does not.
 
     Their face is the one that does. Normals run along the edge on either side. Where those of one
     side turn away, the smooth contour of that side ends at the same point and under the same name.
@@ -215,16 +228,33 @@ def _folds(surface: Surface, view: ViewFields, edge: np.ndarray) -> Segments:
 
 
 def _convex(surface: Surface, edge: np.ndarray) -> np.ndarray:
-    """Does the surface bulge at edges (M,) between two faces? (M,) bool."""
+    """Tell whether the surface bulges at edges (M,) between two faces, (M,) bool."""
     (face, corner), (other, other_corner) = surface.edge_corners(edge)
     apex = surface.faces[other, 3 - other_corner.sum(axis=1)]
     rise = surface.vertices[apex] - surface.vertices[surface.faces[face, corner[:, 0]]]
     return row_dot(rise, surface.face_normals[face]) <= 0.0
 
 
-def _along_cut(surface: Surface, view: ViewFields, edge: np.ndarray, kind: str, side: int):
-    """Cut edges (M,) as segments in the face on one side; n.v at their ends on that and on the other side, (M, 2) each;
-    and the names (M, 2) of the points where the one and the other is 0."""
+class CutEdges(NamedTuple):
+    """Cut edges, along which normals run on either side, as segments in the face on one side.
+
+    Parameters
+    ----------
+    segments : the M edges
+    own, other : (M, 2), n.v at their ends on that side and on the other
+    names : (M, 2) int, of the points where `own` is 0, and where `other` is 0
+    """
+
+    segments: Segments
+    own: np.ndarray
+    other: np.ndarray
+    names: np.ndarray
+
+
+def _along_cut(
+    surface: Surface, view: ViewFields, edge: np.ndarray, kind: str, side: int
+) -> CutEdges:
+    """Take cut edges `edge` (M,) as segments of a kind in the face on one `side`, 0 or 1."""
     segments = edge_segments(surface, edge, kind, side)
     facing, names = [], []
     sides = list(surface.edge_corners(edge))
@@ -234,55 +264,72 @@ def _along_cut(surface: Surface, view: ViewFields, edge: np.ndarray, kind: str, 
         vertex[backwards] = vertex[backwards, ::-1]
         facing.append(view.n_dot_v[vertex])
         names.append(_edge_name(surface, vertex[:, 0], vertex[:, 1]))
-    return segments, *facing, np.stack(names, axis=1)
+    return CutEdges(segments, facing[0], facing[1], np.stack(names, axis=1))
 
 
 def _joined(*parts: Segments) -> Segments:
-    """Segments of one kind, one after the other."""
-    columns = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("face", "bary", "node", "strength")
+    """Put segments of one kind one after the other."""
+    return Segments(
+        parts[0].kind,
+        np.concatenate([part.face for part in parts]),
+        np.concatenate([part.bary for part in parts]),
+        np.concatenate([part.node for part in parts]),
+        np.concatenate([part.strength for part in parts]),
     )
-    return Segments(parts[0].kind, *columns)
 
 
 def _may_be_seen(surface: Surface, view: ViewFields) -> np.ndarray:
-    """(F,) bool: faces that do not turn away all over, and all faces of open surfaces."""
+    """Tell which faces do not turn away all over, (F,) bool; all faces of open surfaces do not."""
     return any_corner(surface.faces, view.n_dot_v > 0.0) | ~surface.closed_faces
 
 
 def suggestive_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
-    """Suggestive contours (DeCarlo 2003): the radial curvature is 0 and rises towards the eye, fast enough."""
+    """Find suggestive contours: the radial curvature is 0, and rises towards the eye fast enough.
+
+    DeCarlo et al. 2003, "Suggestive Contours for Conveying Shape". Strength is the soft filter of
+    Neural Contours (Liu et al. 2020), with q = F^2 Dw kr - T n.v; on the inside of open surfaces
+    all signs are reversed.
+    """
     limit = options.suggestive / surface.feature_size**2
     front = np.flatnonzero(_may_be_seen(surface, view))
     segments = _zero_lines(surface, view.radial_curvature(surface), "suggestive", front, rims=False)
     derivative = values_at_ends(surface, segments, view.radial_derivative(surface))
     facing = values_at_ends(surface, segments, view.n_dot_v)
-    # Neural Contours' soft filter, with q = F^2 Dw kr - T n.v; on the inside of open surfaces all signs are reversed
     q = surface.feature_size**2 * derivative - options.suggestive * facing
     q = np.maximum(np.where(facing < 0.0, -q, q), 0.0)
-    strength = q / np.maximum(q + 0.03 * np.abs(facing), 1e-12)
-    segments = Segments(segments.kind, segments.face, segments.bary, segments.node, strength)
+    strength = q / np.maximum(q + SOFTNESS * np.abs(facing), 1e-12)
+    segments = replace(segments, strength=strength)
     return _keep_positive(
         segments, derivative - limit * facing, facing, _new_names(surface, segments)
     )
 
 
 def apparent_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
-    """Apparent ridges (Judd 2007): maxima of the view-dependent curvature along its own direction."""
+    """Find apparent ridges: maxima of the view-dependent curvature along its own direction.
+
+    Judd et al. 2007, "Apparent Ridges for Line Drawing".
+    """
     curvature, direction = view.view_curvature(surface)
     limit = options.apparent / surface.feature_size**2
     strong = any_corner(surface.faces, curvature > limit)
     among = np.flatnonzero(strong & _may_be_seen(surface, view) if options.trim else strong)
-    slope = _slope(surface, curvature, direction, view.n_dot_v, among)
-    return _extremal_lines(surface, slope, direction, curvature, limit, "apparent", among)
+    slope = foreshortened_slope(surface, curvature, direction, view.n_dot_v, among)
+    piece = _apparent_pieces(surface, among, slope[:, None] * direction, slope)
+    return _graded(surface, "apparent", piece, curvature, limit)
 
 
-def _slope(surface, value, direction, n_dot_v, among) -> np.ndarray:
-    """Derivative of `value` along `direction`, as seen in the image, at the vertices of faces `among`, (V,).
+def foreshortened_slope(
+    surface: Surface,
+    value: np.ndarray,
+    direction: np.ndarray,
+    n_dot_v: np.ndarray,
+    among: np.ndarray,
+) -> np.ndarray:
+    """Differentiate `value` (V,) along `direction` (V, 3) as seen in the image, (V,).
 
-    In each face around a vertex that the line through it meets, the difference to the opposite side, over the distance
-    along `direction` shortened by n.v; the mean over these faces.
+    In each face around a vertex that the line through it meets, it is the difference to the
+    opposite side, over the distance along `direction` shortened by n.v; then the mean over these
+    faces. Worked out at the vertices of faces `among` (A,), 0 elsewhere.
     """
     count = len(value)
     wanted = np.zeros(count, bool)
@@ -292,146 +339,254 @@ def _slope(surface, value, direction, n_dot_v, among) -> np.ndarray:
     side = np.cross(surface.normals, direction)
     for i in range(3):
         faces = surface.faces[near[wanted[surface.faces[near, i]]]]
-        own, a, b = faces[:, i], faces[:, NEXT_CORNER[i]], faces[:, CORNER_BEFORE[i]]
-        to_a, to_b = (surface.vertices[other] - surface.vertices[own] for other in (a, b))
-        across_a, across_b = (np.einsum("ij,ij->i", edge, side[own]) for edge in (to_a, to_b))
-        gap = across_b - across_a
-        t = across_b / np.where(
-            gap == 0.0, 1.0, gap
-        )  # weight of a where the line meets the side a b
-        meets = (gap != 0.0) & (t >= 0.0) & (t <= 1.0)
-        own, a, b, t = own[meets], a[meets], b[meets], t[meets]
-        reach = t[:, None] * to_a[meets] + (1.0 - t)[:, None] * to_b[meets]
-        distance = np.einsum("ij,ij->i", reach, direction[own]) * np.abs(n_dot_v[own])
-        rise = t * value[a] + (1.0 - t) * value[b] - value[own]
+        met = _opposite(surface, faces[:, [i, NEXT_CORNER[i], CORNER_BEFORE[i]]], side)
+        own, a, b = met.corner.T
+        distance = row_dot(met.reach, direction[own]) * np.abs(n_dot_v[own])
+        rise = met.t * value[a] + (1.0 - met.t) * value[b] - value[own]
         slope = rise / np.where(np.abs(distance) < 1e-12, np.inf, distance)
         total += np.bincount(own, weights=slope, minlength=count)
         hits += np.bincount(own, minlength=count)
     return total / np.maximum(hits, 1.0)
 
 
+class Opposite(NamedTuple):
+    """Where lines through the first corners of faces meet the sides opposite.
+
+    Parameters
+    ----------
+    corner : (n, 3) int, vertices; the line goes through the first
+    t : (n,) in 0..1, weight of the second corner where the line meets; the third has the rest
+    reach : (n, 3), from the first corner to there
+    """
+
+    corner: np.ndarray
+    t: np.ndarray
+    reach: np.ndarray
+
+
+def _opposite(surface: Surface, corner: np.ndarray, side: np.ndarray) -> Opposite:
+    """Meet the side opposite the first corner of faces (n, 3), where the line through that does.
+
+    The line lies in the face, at right angles to `side` (V, 3) of that corner.
+    """
+    own, a, b = corner.T
+    to_a, to_b = (surface.vertices[other] - surface.vertices[own] for other in (a, b))
+    across_a, across_b = (row_dot(edge, side[own]) for edge in (to_a, to_b))
+    gap = across_b - across_a
+    t = across_b / np.where(gap == 0.0, 1.0, gap)
+    meets = (gap != 0.0) & (t >= 0.0) & (t <= 1.0)
+    t = t[meets]
+    reach = t[:, None] * to_a[meets] + (1.0 - t)[:, None] * to_b[meets]
+    return Opposite(corner[meets], t, reach)
+
+
 def ridge_segments(surface: Surface, options: LineOptions) -> Segments:
-    """Ridges (Ohtake 2004): maxima of the largest principal curvature along its direction, where convex."""
+    """Find ridges: maxima of the largest principal curvature along its direction, where convex.
+
+    Ohtake et al. 2004, "Ridge-Valley Lines on Meshes via Implicit Surface Fitting".
+    """
     return _ridge_or_valley(surface, options.ridge, options.sharpness, "ridge", 1.0)
 
 
 def valley_segments(surface: Surface, options: LineOptions) -> Segments:
-    """Valleys: minima of the principal curvature along its direction, where concave."""
+    """Find valleys: minima of the principal curvature along its direction, where concave."""
     return _ridge_or_valley(surface, options.valley, options.sharpness, "valley", -1.0)
 
 
 def _ridge_or_valley(
-    surface: Surface, threshold: float, sharpness: float, kind: str, sign: float
+    surface: Surface, threshold: float, least_sharpness: float, kind: str, sign: float
 ) -> Segments:
+    """Find extrema of the principal curvature where `sign` times it is positive."""
     limit = threshold / surface.feature_size
     curved = all_corners(surface.faces, sign * surface.k1 > 0.0)
     among = np.flatnonzero(curved & any_corner(surface.faces, np.abs(surface.k1) > limit))
     slope = sign * surface.dcurv[:, 0]
-    segments = _extremal_lines(
-        surface, slope, surface.pdir1, np.abs(surface.k1), limit, kind, among
-    )
-    if not (sharpness > 0.0 and len(segments)):
+    pieces = _ridge_pieces(surface, among, slope[:, None] * surface.pdir1, slope)
+    segments = _graded(surface, kind, pieces, np.abs(surface.k1), limit)
+    if not (least_sharpness > 0.0 and len(segments)):
         return segments
-    clear = np.clip(2.0 * _sharpness(surface, slope, segments.face) / sharpness - 1.0, 0.0, 1.0)
-    strength = segments.strength * values_at_ends(surface, segments, clear)
-    segments = Segments(segments.kind, segments.face, segments.bary, segments.node, strength)
-    return segments.take(np.flatnonzero((strength > 0.0).any(axis=1)))
+    share = sharpness(surface, slope, segments.face) / least_sharpness
+    clear = np.clip(2.0 * share - 1.0, 0.0, 1.0)
+    return _strong(segments, segments.strength * values_at_ends(surface, segments, clear))
 
 
-def _sharpness(surface: Surface, slope: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """-k'' / k^3 along the first principal direction, (V,), at the vertices of some faces.
+def sharpness(surface: Surface, slope: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """Measure -k'' / k^3 along the first principal direction at the vertices of some faces, (V,).
 
-    `slope` (V,) is the derivative of |k1| along pdir1. Its own derivative is taken on each face about these vertices,
-    after pointing the directions at its corners the same way, and averaged.
+    `slope` (V,) is the derivative of |k1| along pdir1. Its own derivative is taken on each face
+    about these vertices, after pointing the directions at its corners the same way, and averaged.
     """
     wanted = np.zeros(len(surface.vertices), bool)
     wanted[surface.faces[face]] = True
     corner = surface.faces[any_corner(surface.faces, wanted)]
     direction = surface.pdir1[corner]
     sign = np.where(row_dot(direction, direction[:, :1]) < 0.0, -1.0, 1.0)
-    rise = sign * slope[corner]
     along = (sign[:, :, None] * direction).mean(axis=1)
-    point = surface.vertices[corner]
-    a, b = point[:, 1] - point[:, 0], point[:, 2] - point[:, 0]
-    normal = np.cross(a, b)
-    square = np.maximum(row_dot(normal, normal), 1e-30)
-    gradient = (rise[:, 1] - rise[:, 0])[:, None] * np.cross(b, normal)
-    gradient += (rise[:, 2] - rise[:, 0])[:, None] * np.cross(normal, a)
-    bend = row_dot(gradient, along) / square / np.maximum(np.sqrt(row_dot(along, along)), 1e-12)
-    count = np.bincount(corner.ravel(), minlength=len(wanted))
-    mean = np.bincount(
-        corner.ravel(), weights=np.repeat(bend, 3), minlength=len(wanted)
-    ) / np.maximum(count, 1)
+    bend = _derivative_on_faces(surface.vertices[corner], sign * slope[corner], along)
+    at, size = corner.ravel(), len(wanted)
+    count = np.bincount(at, minlength=size)
+    mean = np.bincount(at, weights=np.repeat(bend, 3), minlength=size) / np.maximum(count, 1)
     return np.where(wanted, -mean / np.maximum(np.abs(surface.k1) ** 3, 1e-12), 0.0)
 
 
-def _extremal_lines(surface, slope, direction, value, limit, kind, among) -> Segments:
-    """Maxima of `value` (V,) along `direction` (V, 3), whose derivative there is `slope` (V,), in faces `among`.
+def _derivative_on_faces(point: np.ndarray, value: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Differentiate linear functions on faces along directions (n, 3) of any length, (n,).
 
-    The direction has no sign of its own: point it uphill. An edge may carry an extremum where the uphill arrows at its
-    ends oppose each other. A face with two such edges carries a piece of line; with three, a fork at its centre.
-    What tells maxima from minima is rtsc's, and differs: for ridges and valleys, an edge counts if at least one of its
-    arrows leads along it towards the other end; for apparent ridges, all three arrows must lead towards the line.
+    `point` (n, 3, 3) and `value` (n, 3) are those of the corners.
     """
-    uphill = slope[:, None] * direction
-    arrow, point = uphill[surface.faces[among]], surface.vertices[surface.faces[among]]  # (A, 3, 3)
-    arrow_next, along = arrow[:, NEXT_CORNER], point[:, NEXT_CORNER] - point
-    crossed = row_dot(arrow, arrow_next) <= 0.0  # (A, 3): side i runs from corner i to i + 1
-    if kind != "apparent":
-        crossed &= (row_dot(arrow, along) >= 0.0) | (row_dot(arrow_next, along) <= 0.0)
-    sides = crossed.sum(axis=1)
-    two, three = np.flatnonzero(sides == 2), np.flatnonzero(sides == 3)
+    a, b = point[:, 1] - point[:, 0], point[:, 2] - point[:, 0]
+    normal = np.cross(a, b)
+    square = np.maximum(row_dot(normal, normal), 1e-30)
+    gradient = (value[:, 1] - value[:, 0])[:, None] * np.cross(b, normal)
+    gradient += (value[:, 2] - value[:, 0])[:, None] * np.cross(normal, a)
+    return row_dot(gradient, along) / square / np.maximum(np.sqrt(row_dot(along, along)), 1e-12)
 
-    size = np.abs(slope)[surface.faces[among]]
+
+class Pieces(NamedTuple):
+    """Pieces of lines in faces, before their kind and strength are known; columns of `Segments`."""
+
+    face: np.ndarray
+    bary: np.ndarray
+    node: np.ndarray
+
+
+class UphillFaces(NamedTuple):
+    """Faces that a line of maxima may pass through.
+
+    A direction of curvature has no sign of its own: it is pointed uphill. A side may carry an
+    extremum where the uphill arrows at its ends oppose each other. Side i runs from corner i to the
+    next.
+
+    Parameters
+    ----------
+    face : (A,) int
+    point : (A, 3, 3), the corners
+    arrow : (A, 3, 3), the direction at each corner, uphill, as long as the slope
+    on_side : (A, 3, 3), barycentric, where a line would cross each side
+    edge_name : (A, 3) int, names of the crossings
+    """
+
+    face: np.ndarray
+    point: np.ndarray
+    arrow: np.ndarray
+    on_side: np.ndarray
+    edge_name: np.ndarray
+
+    def lead_to(self, row: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Tell in which rows (n,) all arrows lead to the line from start to end, (n,) bool."""
+        leads = _leads(self.point[row], self.arrow[row], start, end)
+        return np.logical_and.reduce(leads, axis=1)
+
+
+def _uphill_faces(
+    surface: Surface, among: np.ndarray, uphill: np.ndarray, slope: np.ndarray
+) -> UphillFaces:
+    """Lay out faces `among` (A,), from the arrows `uphill` (V, 3) and their lengths' sizes `slope`.
+
+    The crossing of a side lies where the slope, linear along it, is 0.
+    """
+    corner = surface.faces[among]
+    size = np.abs(slope)[corner]
     total = size + size[:, NEXT_CORNER]
-    weight = np.where(
-        total > 0.0, size / np.where(total > 0.0, total, 1.0), 0.5
-    )  # of corner i + 1 at the crossing
-    on_side = np.zeros((len(among), 3, 3))  # barycentric coordinates of the crossing of side i
+    weight = np.where(total > 0.0, size / np.where(total > 0.0, total, 1.0), 0.5)  # of corner i + 1
+    on_side = np.zeros((len(among), 3, 3))
     for i in range(3):
         on_side[:, i, i], on_side[:, i, NEXT_CORNER[i]] = 1.0 - weight[:, i], weight[:, i]
+    names = _edge_name(surface, corner, corner[:, NEXT_CORNER])
+    return UphillFaces(among, surface.vertices[corner], uphill[corner], on_side, names)
 
+
+def _ridge_pieces(
+    surface: Surface, among: np.ndarray, uphill: np.ndarray, slope: np.ndarray
+) -> Pieces:
+    """Find maxima as rtsc does for ridges and valleys, along the arrows `uphill` (V, 3).
+
+    A side counts if at least one of its arrows leads along it towards the other end.
+    """
+    faces = _uphill_faces(surface, among, uphill, slope)
+    opposed, ahead = _opposed(faces), faces.point[:, NEXT_CORNER] - faces.point
+    leads = row_dot(faces.arrow, ahead) >= 0.0
+    leads |= row_dot(faces.arrow[:, NEXT_CORNER], ahead) <= 0.0
+    return _pieces(surface, faces, opposed & leads, led_to=False)
+
+
+def _apparent_pieces(
+    surface: Surface, among: np.ndarray, uphill: np.ndarray, slope: np.ndarray
+) -> Pieces:
+    """Find maxima as rtsc does for apparent ridges: all arrows of a face lead towards the line."""
+    faces = _uphill_faces(surface, among, uphill, slope)
+    return _pieces(surface, faces, _opposed(faces), led_to=True)
+
+
+def _opposed(faces: UphillFaces) -> np.ndarray:
+    """Tell at which sides the arrows at both ends oppose each other, (A, 3) bool."""
+    return row_dot(faces.arrow, faces.arrow[:, NEXT_CORNER]) <= 0.0
+
+
+def _pieces(surface: Surface, faces: UphillFaces, crossed: np.ndarray, led_to: bool) -> Pieces:
+    """Draw lines through faces by the sides that they cross, (A, 3) bool.
+
+    Two make a piece of line, three make a fork at the centre. With `led_to` only pieces stay
+    to which all arrows of the face lead.
+    """
+    sides = crossed.sum(axis=1)
+    two, three = np.flatnonzero(sides == 2), np.flatnonzero(sides == 3)
     absent = np.argmin(crossed[two], axis=1)
-    ends = np.stack(
-        [NEXT_CORNER[absent], CORNER_BEFORE[absent]], axis=1
-    )  # the two crossed sides; they meet in corner ends[1]
-    if kind == "apparent":
-        good = _leads(point[two], arrow[two], *(on_side[two, ends[:, i]] for i in range(2))).all(
-            axis=1
-        )
-        two, ends = two[good], ends[good]
-    corner = surface.faces[among]
-    edges = _edge_name(surface, corner, corner[:, NEXT_CORNER])
-    face, bary, node = [among[two]], [on_side[two[:, None], ends]], [edges[two[:, None], ends]]
-    for i in range(3):  # the arms of forks
-        arm, centre = three, np.full((len(three), 3), 1.0 / 3.0)
-        if kind == "apparent":
-            good = _leads(point[arm], arrow[arm], on_side[arm, i], centre).all(axis=1)
-            arm, centre = arm[good], centre[good]
-        face.append(among[arm])
-        bary.append(np.stack([on_side[arm, i], centre], axis=1))
-        node.append(np.stack([edges[arm, i], _first_free_name(surface) + among[arm]], axis=1))
-    face, bary, node = np.concatenate(face), np.concatenate(bary), np.concatenate(node)
-    segments = Segments(KINDS.index(kind), face, bary, node, np.zeros((len(face), 2)))
+    ends = np.stack([NEXT_CORNER[absent], CORNER_BEFORE[absent]], axis=1)
+    bary = faces.on_side[two[:, None], ends]
+    if led_to:
+        good = faces.lead_to(two, bary[:, 0], bary[:, 1])
+        two, ends, bary = two[good], ends[good], bary[good]
+    whole = Pieces(faces.face[two], bary, faces.edge_name[two[:, None], ends])
+    arms = (_fork_arm(surface, faces, three, side, led_to) for side in range(3))
+    face, bary, node = zip(whole, *arms, strict=True)
+    return Pieces(np.concatenate(face), np.concatenate(bary), np.concatenate(node))
+
+
+def _fork_arm(
+    surface: Surface, faces: UphillFaces, row: np.ndarray, side: int, led_to: bool
+) -> Pieces:
+    """Draw the arms of forks in some rows of faces, from the crossing of one side to the centre."""
+    start, centre = faces.on_side[row, side], np.full((len(row), 3), 1.0 / 3.0)
+    if led_to:
+        good = faces.lead_to(row, start, centre)
+        row, start, centre = row[good], start[good], centre[good]
+    face = faces.face[row]
+    names = [faces.edge_name[row, side], _first_free_name(surface) + face]
+    return Pieces(face, np.stack([start, centre], axis=1), np.stack(names, axis=1))
+
+
+def _graded(
+    surface: Surface, kind: str, pieces: Pieces, value: np.ndarray, limit: float
+) -> Segments:
+    """Make segments of pieces where `value` (V,) is above a limit; strength 1 - limit / value."""
+    none = np.zeros((len(pieces.face), 2))
+    segments = Segments(KINDS.index(kind), pieces.face, pieces.bary, pieces.node, none)
     height = values_at_ends(surface, segments, value)
-    strength = np.maximum(1.0 - limit / np.maximum(height, 1e-30), 0.0)
-    segments = Segments(segments.kind, face, bary, node, strength)
+    return _strong(segments, np.maximum(1.0 - limit / np.maximum(height, 1e-30), 0.0))
+
+
+def _strong(segments: Segments, strength: np.ndarray) -> Segments:
+    """Give segments a strength (S, 2), and keep those that have some."""
+    segments = replace(segments, strength=strength)
     return segments.take(np.flatnonzero((strength > 0.0).any(axis=1)))
 
 
-def _leads(point, arrow, start, end) -> np.ndarray:
-    """Does the arrow at each corner lead towards the line from `start` to `end` (barycentric, (A, 3))? (A, 3)."""
+def _leads(point: np.ndarray, arrow: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Tell which arrows (n, 3, 3) at the corners of faces lead towards a line, (n, 3) bool.
+
+    `point` : (n, 3, 3), the corners; `start`, `end` : (n, 3), barycentric
+    """
     start, end = (np.einsum("ai,aik->ak", at, point) for at in (start, end))
-    across = np.cross(np.cross(point[:, 1] - point[:, 0], point[:, 2] - point[:, 0]), end - start)[
-        :, None
-    ]
+    normal = np.cross(point[:, 1] - point[:, 0], point[:, 2] - point[:, 0])
+    across = np.cross(normal, end - start)[:, None]
     return row_dot(arrow, across) * np.sign(row_dot(point - start[:, None], across)) < 0.0
 
 
 def crease_segments(
     surface: Surface, view: ViewFields, options: LineOptions, edge: np.ndarray | None = None
 ) -> Trimmed:
-    """Find creases: mesh edges at which faces meet at more than the crease angle, or more than two do.
+    """Find creases: mesh edges where faces meet at more than the crease angle, or over two meet.
 
     Where contours are drawn too, less what is part of one; what faces away on a closed surface is
     never seen.
@@ -453,7 +608,10 @@ def crease_segments(
 
 
 def crease_edges(surface: Surface, angle: float) -> np.ndarray:
-    """Indices of the edges that are creases of more than `angle` degrees, or at which more than two faces meet."""
+    """Find the edges that are creases of more than `angle` degrees, or where over two faces meet.
+
+    Returns their indices, ascending.
+    """
     count, pair = surface.edge_face_count, surface.edge_faces
     bend = bends(surface.face_normals, pair, count, surface.clashing_edges)
     sharp = creases(
@@ -463,12 +621,15 @@ def crease_edges(surface: Surface, angle: float) -> np.ndarray:
 
 
 def boundary_segments(surface: Surface, options: LineOptions) -> Segments:
-    """Mesh edges with one face."""
+    """Find boundaries: mesh edges with one face."""
     return edge_segments(surface, np.flatnonzero(surface.edge_face_count == 1), "boundary")
 
 
 def edge_segments(surface: Surface, edge: np.ndarray, kind: str, side: int = 0) -> Segments:
-    """Whole mesh edges as segments, the first (or second) face at each to their left. Ends are named by place."""
+    """Make segments of whole mesh edges `edge` (M,), named by place.
+
+    The first face at each (or the second, with `side` 1) lies to their left.
+    """
     face, corner = list(surface.edge_corners(edge))[side]
     turn = (corner[:, 0] + 1) % 3 != corner[:, 1]
     corner[turn] = corner[turn, ::-1]
@@ -479,40 +640,36 @@ def edge_segments(surface: Surface, edge: np.ndarray, kind: str, side: int = 0) 
 
 
 def intersection_segments(surface: Surface, options: LineOptions) -> Segments:
-    """Where connected components pass through each other, in the faces of one. Ends are named by place.
+    """Find where connected components pass through each other, in the faces of one.
 
-    Not where both run along each other, at less than LEAST_CROSSING: two skins of one shape cross wherever their faces
-    happen to, and there is no line to be seen.
+    Ends are named by place. Where both run along each other, at less than MIN_CROSSING, there is
+    none: two skins of one shape cross wherever their faces happen to, and no line is to be seen.
     """
     found = crossings(surface.vertices, surface.faces, surface.component)
-    bary = [
-        _barycentric(surface.vertices[surface.faces[face]], found.points) for face in found.face.T
-    ]
-    normals = [
-        interpolate_on_faces(surface, face, at.mean(axis=1), surface.normals)
-        for face, at in zip(found.face.T, bary, strict=True)
-    ]
-    across = np.cross(*normals)
-    sine = np.sqrt(
-        row_dot(across, across)
-        / np.maximum(np.prod([row_dot(n, n) for n in normals], axis=0), 1e-30)
+    face, other = found.face.T
+    bary, other_bary = (
+        _barycentric(surface.vertices[surface.faces[f]], found.points) for f in (face, other)
     )
-    segments = Segments(
-        KINDS.index("intersection"), found.face[:, 0], bary[0], found.node, np.ones((len(found), 2))
+    normal, other_normal = (
+        interpolate_on_faces(surface, f, at.mean(axis=1), surface.normals)
+        for f, at in ((face, bary), (other, other_bary))
     )
-    return segments.take(np.flatnonzero(sine > np.sin(np.radians(LEAST_CROSSING))))
+    across = np.cross(normal, other_normal)
+    square = row_dot(normal, normal) * row_dot(other_normal, other_normal)
+    sine = np.sqrt(row_dot(across, across) / np.maximum(square, 1e-30))
+    strength = np.ones((len(found), 2))
+    segments = Segments(KINDS.index("intersection"), face, bary, found.node, strength)
+    return segments.take(np.flatnonzero(sine > np.sin(np.radians(MIN_CROSSING))))
 
 
 def _barycentric(corner: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Weights (S, 2, 3) of the corners (S, 3, 3) of faces at points (S, 2, 3) in them."""
+    """Weigh the corners (S, 3, 3) of faces at points (S, 2, 3) in them, (S, 2, 3)."""
     a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     normal = np.cross(a, b)
-    across = np.stack(
-        [np.cross(b, normal), np.cross(normal, a)], axis=1
-    )  # each at right angles to the other side
+    # each at right angles to the other side
+    across = np.stack([np.cross(b, normal), np.cross(normal, a)], axis=1)
     rel = points - corner[:, :1]
     weight = np.einsum("sek,sik->sei", rel, across) / row_dot(normal, normal)[:, None, None]
-    bary = np.clip(
-        np.concatenate([1.0 - weight.sum(axis=2, keepdims=True), weight], axis=2), 0.0, 1.0
-    )
+    own = 1.0 - weight.sum(axis=2, keepdims=True)
+    bary = np.clip(np.concatenate([own, weight], axis=2), 0.0, 1.0)
     return bary / bary.sum(axis=2, keepdims=True)
