@@ -14,6 +14,6 @@ def plain_style(size=768, thin_above=False):
     count, each = len(FEATURES), np.zeros(len(FEATURES))
     line = np.where(np.array(FEATURES) == "height", 6.0 * thin_above, 0.0)
     none = np.zeros((count, 1))
-    network = SumOfCurves(none, none, none, line, np.float32(-3.0 if thin_above else 1.5))
+    network = SumOfCurves(none, none, none, line, np.array(-3.0 if thin_above else 1.5, np.float32))
     scaling = FeatureScaling(each - 9, each + 9, each, each + 1)
     return Style(StyleConfig(size), network, np.zeros(len(DEFORMATIONS)), scaling)

@@ -1,23 +1,29 @@
 """Drawing needs no torch: what it computes is what the network of the fit computes."""
 
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 
 import numpy as np
 import pytest
 import torch
+from scipy import ndimage
 from small_styles import plain_style
 
 from strokestyle.drawing.raster import rasterise
+from strokestyle.extract.camera import Camera
+from strokestyle.extract.feature_maps import FeatureMaps
 from strokestyle.extract.pipeline import view_of_lines
+from strokestyle.extract.view import View
 from strokestyle.files import read_model, write_model
-from strokestyle.geometry.curves import Curves
+from strokestyle.geometry.curves import KINDS, Curves
 from strokestyle.geometry.parts import Parts
 from strokestyle.render.config import StyleConfig
+from strokestyle.render.displacement import DEFORMATIONS
 from strokestyle.render.features import FEATURES, FeatureScaling
 from strokestyle.render.networks import AdditiveNet
-from strokestyle.render.style import Style, SumOfCurves
+from strokestyle.render.residuals import Residuals
+from strokestyle.render.style import Style, SumOfCurves, trim_invisible_ends
 from strokestyle.render.style_file import load_style, save_style
-from strokestyle.render.texture_bank import TextureBank
+from strokestyle.render.texture_bank import OWN_REGRESSORS, TextureBank
 
 
 def test_a_sum_of_curves_is_the_network_that_was_trained():
@@ -110,3 +116,237 @@ def test_a_model_without_a_part_of_its_texture_is_refused(tmp_path):
     write_model(path, stored)
     with pytest.raises(ValueError, match="model.pt.*appearance"):
         load_style(path)
+
+
+# ----------------------------------------------------------------------------- what was learned, drawn
+
+
+def ring_view(size=768, radius=150.0, kind="contour"):
+    """A view of three quarters of a circle about the middle, whose normals point away from there."""
+    middle = size / 2
+    count = int(1.5 * np.pi * radius / 3)
+    angle = np.linspace(0.1, 0.1 + 1.5 * np.pi, count)
+    line = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    y, x = np.mgrid[:size, :size] + 0.5 - middle
+    away = np.stack([x, y]) / np.maximum(np.hypot(x, y), 1.0)
+    names = ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")
+    maps = FeatureMaps(names, np.stack([0 * x + 1, 0 * x, 0 * x, *away]), x > -1e9)
+    camera = Camera([0, 0, 3], [0, 0, 0], [0, 1, 0], 30, size, size)
+    return View(camera, Curves.from_list([line], [KINDS.index(kind)]), maps)
+
+
+def with_weights(style, **weights):
+    return replace(style, displacement=np.array([weights.get(n, 0.0) for n in DEFORMATIONS]))
+
+
+def test_what_was_learned_of_displacement_is_done():
+    """A circle is inflated outwards, and smoothed inwards by as much as a Gaussian takes from it."""
+    view, plain = ring_view(), plain_style()
+    for weights, change in (
+        ({}, 0.0),
+        ({"inflate": 4.0}, 4.0 * np.exp(-0.5 * (12 / 150) ** 2)),
+        ({"smooth_24": 2.0}, 2 * 150 * (np.exp(-0.5 * (24 / 150) ** 2) - 1)),
+        ({"smooth_12": -1.0, "inflate": -2.0}, 150 * (1 - np.exp(-0.5 * 0.08**2)) - 2 * 0.9968),
+    ):
+        strokes = with_weights(plain, **weights).draw(view).strokes
+        radius = np.hypot(*(strokes.xy - 384).T)[50:-50]
+        assert radius == pytest.approx(np.full(len(radius), 150 + change), abs=0.05)
+
+
+def test_what_was_learned_of_thickness_is_drawn_where_its_feature_is():
+    """log(thickness + 0.5) is linear in the height on the picture: from 4 px to 12 px."""
+    view = view_of_lines(Curves.from_list([np.linspace([384, 84], [384, 684], 201)], [0]), 768, 768)
+    plain = plain_style()
+    line = np.where(np.array(FEATURES) == "height", np.log(12.5 / 4.5), 0.0)
+    curves = replace(plain.log_width, line=line, base=np.array(np.log(4.5), np.float32))
+    strokes = replace(plain, log_width=curves).draw(view).strokes
+    height = np.clip((strokes.xy[:, 1] - 84) / 600, 0, 1)
+    assert strokes.thickness == pytest.approx(4.5 * (12.5 / 4.5) ** height - 0.5, abs=1e-4)
+
+
+def some_residuals():
+    values = np.random.default_rng(1).normal(size=(90, 2)) * [1, 0.1]
+    return Residuals(values.astype(np.float32), np.array([0, 90]))
+
+
+def grain_bank():
+    """Two strips of noise, ready to be copied."""
+    rng = np.random.default_rng(0)
+    rgba = np.zeros((400, 20, 4), np.uint8)
+    grain = ndimage.gaussian_filter(rng.normal(size=(400, 20)), 1.5)
+    rgba[..., 3] = np.clip(128 + 240 * grain, 0, 255)
+    ink = np.tile([0.5, 0.0, 0.0, 0.0], (400, 1)).astype(np.float32)
+    ends = np.minimum(np.stack([np.arange(400) % 200, 199 - np.arange(400) % 200], 1) / 2, 40)
+    count = len(FEATURES) + OWN_REGRESSORS
+    weights = np.zeros((1 + 2 * count, 4), np.float32)
+    weights[0, 0] = 0.5
+    return TextureBank(
+        rgba=rgba,
+        offsets=np.array([0, 200, 400]),
+        width=np.full(400, 4.0, np.float32),
+        ends=ends.astype(np.float32),
+        occlusion=np.zeros(400, np.float32),
+        appearance=rng.normal(size=(400, 8)).astype(np.float32),
+        local_ink=ink,
+        predicted_ink=ink,
+        weights=weights,
+        scale=np.stack([np.zeros(count), np.ones(count)]).astype(np.float32),
+        noise=np.full(4, 0.1, np.float32),
+        margin=2.5,
+        flat=False,
+    )
+
+
+def test_a_view_twice_as_large_is_drawn_twice_as_large():
+    """Residuals, displacement and texture with it: strips are the same, their margin is doubled."""
+    residuals = some_residuals()
+    style = with_weights(plain_style(), inflate=4.0, smooth_12=1.0)
+    style = replace(style, residuals=residuals, bank=grain_bank())
+    view = ring_view()
+    curves = replace(view.curves, xy=2 * view.curves.xy)
+    maps = replace(view.maps, values=view.maps.values.repeat(2, 1).repeat(2, 2),
+                   covered=view.maps.covered.repeat(2, 0).repeat(2, 1))  # fmt: skip
+    large = View(replace(view.camera, width=1536, height=1536), curves, maps)
+    one, two = style.draw(view, 3), style.draw(large, 3)
+    assert two.size == (1536, 1536) and len(one.strokes) == 1
+    assert two.strokes.xy == pytest.approx(2 * one.strokes.xy, abs=1e-6)
+    assert two.strokes.thickness == pytest.approx(2 * one.strokes.thickness, abs=1e-6)
+    assert one.texture.margin.tolist() == [2.5] and two.texture.margin.tolist() == [5.0]
+    assert (one.texture.rgba != two.texture.rgba).mean() < 0.01
+    assert np.array_equal(one.texture.offsets, two.texture.offsets)
+    assert np.allclose(one.color, two.color)
+    laid = style.lay_strokes(large, 3).strokes
+    assert laid.xy == pytest.approx(one.strokes.xy, abs=1e-6)  # in the style's own pixels
+
+
+def test_the_seed_decides_residuals_and_joints():
+    residuals = some_residuals()
+    style, view = replace(plain_style(), bank=grain_bank()), ring_view()
+    one, same, other = (style.draw(view, seed) for seed in (1, 1, 2))
+    assert np.array_equal(one.texture.rgba, same.texture.rgba)
+    assert not np.array_equal(one.texture.rgba, other.texture.rgba)
+    assert np.array_equal(one.strokes.xy, other.strokes.xy)  # no residuals: nothing else is chance
+    strayed = [replace(style, residuals=residuals).draw(view, seed).strokes.xy for seed in (1, 2)]
+    assert not np.array_equal(*strayed)
+
+
+# --------------------------------------------------------------------------------------- trimmed ends
+
+
+def test_ends_are_trimmed_to_one_point_beside_what_is_seen():
+    thickness = np.array([0.1, 0.2, 0.6, 3, 0.3, 2, 0.4, 0.1, 0.1])
+    rows, offsets, kept = trim_invisible_ends(thickness, np.array([0, 9]))
+    assert rows.tolist() == [1, 2, 3, 4, 5, 6] and offsets.tolist() == [0, 6]
+    assert kept.tolist() == [0]
+
+
+def test_strokes_that_cannot_be_seen_are_left_out_whole():
+    thickness = np.r_[np.zeros(4), [0.5, 0.5], [9.0, 0.1, 0.1], [0.1, 1.0, 1.0, 1.0]]
+    rows, offsets, kept = trim_invisible_ends(thickness, np.array([0, 4, 6, 9, 13]))
+    assert rows.tolist() == [4, 5, 9, 10, 11, 12] and offsets.tolist() == [0, 2, 6]
+    assert kept.tolist() == [1, 3]
+    rows, offsets, kept = trim_invisible_ends(np.zeros(5), np.array([0, 5]))
+    assert rows.tolist() == [] and offsets.tolist() == [0] and kept.tolist() == []
+
+
+# ---------------------------------------------------------------------------------------- model files
+
+
+def full_style():
+    residuals = some_residuals()
+    config = StyleConfig(512, 2.0, 8.0, 70.0, 20.0, 8)
+    scaling = FeatureScaling(*np.random.default_rng(2).uniform(1, 2, (4, len(FEATURES))))
+    style = replace(
+        with_weights(plain_style(), inflate=4.0), config=config, scaling=scaling,
+        residuals=residuals, bank=grain_bank(), color=np.array([0.1, 0.2, 0.3, 0.9]),
+        about={"seed": 3},
+    )  # fmt: skip
+    return style
+
+
+def same_style(one, two):
+    """Whether all that two styles hold is the same."""
+
+    def same(a, b):
+        if isinstance(a, dict):
+            return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+        return np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
+
+    return same(asdict(one), asdict(two))
+
+
+def test_a_style_is_stored_whole(tmp_path):
+    style = full_style()
+    save_style(tmp_path / "a.pt", style)
+    assert same_style(load_style(tmp_path / "a.pt"), style)
+    assert read_model(tmp_path / "a.pt")["format"] == 3
+    save_style(tmp_path / "b.pt", plain_style())
+    found = load_style(tmp_path / "b.pt")
+    assert found.residuals is None and found.bank is None
+
+
+def in_format_2(style):
+    """What strokestyle 0.1 wrote of a style."""
+    bank, scaling, config = style.bank, style.scaling, style.config
+    return {
+        "format": 2,
+        "strokestyle": "0.1.0",
+        "about": style.about,
+        "config": {
+            "size": config.size,
+            "spacing": config.spacing,
+            "join": config.join_gap,
+            "corner": config.corner_angle,
+            "extend": config.max_overshoot,
+            "hidden": config.hidden_units,
+        },
+        "network": asdict(style.log_width),
+        "moves": style.displacement,
+        "features": {
+            "names": list(FEATURES),
+            "centre": scaling.centre,
+            "spread": scaling.spread,
+            "low": scaling.low,
+            "high": scaling.high,
+            "color": style.color,
+        },
+        "hand": {"stray": style.residuals.values, "offsets": style.residuals.offsets},
+        "texture": {
+            "rgba": bank.rgba,
+            "offsets": bank.offsets,
+            "row": np.concatenate(
+                [bank.width[:, None], bank.ends, bank.occlusion[:, None]], axis=1
+            ),
+            "look": bank.appearance,
+            "tone": bank.local_ink,
+            "fitted": bank.predicted_ink,
+            "weights": bank.weights,
+            "scale": bank.scale,
+            "noise": bank.noise,
+            "margin": np.array([bank.margin], np.float32),
+            "flat": np.array([bank.flat], np.float32),
+        },
+    }
+
+
+def test_a_model_of_format_2_is_read(tmp_path):
+    style = full_style()
+    write_model(tmp_path / "old.pt", in_format_2(style))
+    found = load_style(tmp_path / "old.pt")
+    assert same_style(found, style)
+    assert type(found.bank.margin) is float and type(found.bank.flat) is bool
+    plain = in_format_2(style) | {"hand": None, "texture": None}
+    write_model(tmp_path / "plain.pt", plain)
+    found = load_style(tmp_path / "plain.pt")
+    assert found.residuals is None and found.bank is None
+
+
+def test_a_model_of_another_version_is_refused_by_name(tmp_path):
+    write_model(tmp_path / "new.pt", in_format_2(full_style()) | {"format": 4})
+    with pytest.raises(ValueError, match=r"new.pt: .*format 4.*update strokestyle"):
+        load_style(tmp_path / "new.pt")
+    broken = in_format_2(full_style())
+    del broken["hand"]
+    write_model(tmp_path / "broken.pt", broken)
+    with pytest.raises(ValueError, match=r"broken.pt: a damaged strokestyle model.*hand"):
+        load_style(tmp_path / "broken.pt")
