@@ -12,14 +12,17 @@ from ..geometry.bezier import Segment
 from ..geometry.curves import arc
 from .path_data import SPACE, parse_path
 
-ROUNDING = 0.01  # px that a shape's points may be off after another program's rounding, however small it was made
-SLIP = (
-    1e-4  # of a path's length, that its landmarks may be off after svgo rounded every piece of it
-)
+# px that a shape's points may be off after another program's rounding, however small it was made
+ROUNDING = 0.01
+# of a path's length, that its landmarks may be off after svgo rounded every piece of it
+SLIP = 1e-4
 
 
 def first_line(d: str) -> np.ndarray:
-    """Path data's first subpath as a fine polyline (n, 2). Raises ValueError where it draws nothing."""
+    """Read path data's first subpath as a fine polyline (n, 2).
+
+    Raises ValueError where it draws nothing, or as `parse_path` does.
+    """
     match = re.match(rf"[{SPACE}]*[Mm][^MmZz]*[Zz]?", d)
     subpaths = parse_path(match[0] if match else "")
     if not subpaths:
@@ -28,7 +31,7 @@ def first_line(d: str) -> np.ndarray:
 
 
 def fine_line(segments: Sequence[Segment] | np.ndarray) -> np.ndarray:
-    """A subpath as a polyline (n, 2) of eight pieces a segment."""
+    """Flatten the cubics of a subpath, (K, 8) or (K, 4, 2), to a polyline (8 K + 1, 2)."""
     p = np.array(segments).reshape(-1, 1, 4, 2)
     t = (np.arange(8) + 1)[:, None] / 8
     s = 1 - t
@@ -42,14 +45,20 @@ def fine_line(segments: Sequence[Segment] | np.ndarray) -> np.ndarray:
 
 
 def landmarks(line: np.ndarray, measured: np.ndarray | None = None) -> np.ndarray:
-    """The points (4, 2) at 0, 1/4, 1/2 and 3/4 of a polyline's length; of the length of another one, `measured`."""
+    """Find the points (4, 2) at 0, 1/4, 1/2 and 3/4 of a polyline's length.
+
+    Parameters
+    ----------
+    line : (n, 2)
+    measured : (n, 2), a polyline by whose length the same places are found instead
+    """
     along = arc(line if measured is None else measured)
     at = along[-1] * np.array([0.0, 0.25, 0.5, 0.75])
     return np.stack([np.interp(at, along, column) for column in line.T], axis=1)
 
 
 def enclosed(line: np.ndarray) -> float:
-    """The area that a polyline (n, 2) goes round, by the shoelace formula."""
+    """Measure the area that a polyline (n, 2) goes round, by the shoelace formula."""
     x, y = line.T
     return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
@@ -57,11 +66,22 @@ def enclosed(line: np.ndarray) -> float:
 def recover_transform(
     then: np.ndarray, now: np.ndarray, line: np.ndarray | None = None, slack: float = 0.05
 ) -> Affine | None:
-    """The transform that took a shape from where its landmarks (4, 2) were to where they are; None: it was edited.
+    """Find the transform that took a shape from where its landmarks were to where they are.
 
-    The simplest that explains them within `slack` px: none, a translation, a similarity, any affine map. The last does
-    not keep a line's proportions, so its landmarks are those of the `line` (n, 2) measured where it came from. Along a
-    long line they slip by a SLIP of its length, as it is rounded.
+    The simplest that explains them: none, a translation, a similarity, any affine map. The last
+    does not keep a line's proportions, so its landmarks are those of the `line` measured where it
+    came from. Along a long line they slip by a SLIP of its length, as it is rounded.
+
+    Parameters
+    ----------
+    then, now : landmarks (4, 2), as `landmarks` finds them
+    line : the shape's outline (n, 2) as it is now; None where its landmarks are points of it, such
+        as the corners of an image
+    slack : px that landmarks may be off
+
+    Returns
+    -------
+    None where no transform explains them: the shape was edited.
     """
     slip = 0.0 if line is None else SLIP * float(arc(line)[-1])
     if np.abs(now - then).max() <= slack + slip:
@@ -69,6 +89,14 @@ def recover_transform(
     shift = (now - then).mean(axis=0)
     if np.abs(now - then - shift).max() <= slack + slip:
         return (1.0, 0.0, 0.0, 1.0, *shift.tolist())
+    return _similarity(then, now, slack, slip) or _affine_map(then, now, line, slack, slip)
+
+
+def _similarity(then: np.ndarray, now: np.ndarray, slack: float, slip: float) -> Affine | None:
+    """The similarity, or mirrored one, by least squares, if it explains the landmarks (4, 2).
+
+    Points are complex numbers, whose product turns and scales.
+    """
     a, b = (values[:, 0] + 1j * values[:, 1] for values in (then, now))
     for source, mirror in ((a, 1.0), (a.conj(), -1.0)):
         spread = np.square(np.abs(source - source.mean())).sum()
@@ -77,6 +105,16 @@ def recover_transform(
         if np.abs(turn * source + place - b).max() <= max(slack * abs(turn), ROUNDING) + slip:
             x, y = turn.real, turn.imag
             return (x, y, -y * mirror, x * mirror, place.real, place.imag)
+    return None
+
+
+def _affine_map(
+    then: np.ndarray, now: np.ndarray, line: np.ndarray | None, slack: float, slip: float
+) -> Affine | None:
+    """The affine map by least squares, if it explains the landmarks (4, 2).
+
+    With a `line`, it and the landmarks that follow from it are found in turns.
+    """
     full = np.concatenate([then, np.ones((4, 1))], axis=1)
     for _ in range(60):
         solved = np.linalg.lstsq(full, now, rcond=None)[0]  # (3, 2)
@@ -87,11 +125,11 @@ def recover_transform(
         before, now = now, landmarks(line, (line - solved[2]) @ np.linalg.inv(solved[:2]))
         if np.abs(now - before).max() < 1e-3:
             break
-    # a map that shrinks must be met the better: else any small shape would do as what became of a large one
+    # a map that shrinks must be met the better: else any small shape would do as what became of a
+    # large one
     small, large = np.linalg.svd(solved[:2], compute_uv=False)[[1, 0]]
-    if (
-        np.abs(full @ solved - now).max()
-        > max(slack * (large if small >= 1.0 else small), ROUNDING) + slip
-    ):
+    close = max(slack * (large if small >= 1.0 else small), ROUNDING) + slip
+    if np.abs(full @ solved - now).max() > close:
         return None
-    return tuple(float(v) for v in (*solved[0], *solved[1], *solved[2]))
+    (a, b), (c, d), (e, f) = solved.tolist()
+    return a, b, c, d, e, f
