@@ -13,7 +13,7 @@ from strokestyle.geometry.bezier import flatten
 from strokestyle.geometry.curves import KINDS, Curves, kind_named
 from strokestyle.render.curve_file import load_curves
 from strokestyle.svg import xml
-from strokestyle.svg.path_data import parse_path, parse_transform
+from strokestyle.svg.path_data import draw, parse_path, parse_transform, tokens
 from strokestyle.svg.write import plain_svg, png_from_svg
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" {}>{}</svg>'
@@ -159,6 +159,20 @@ def test_two_ways_to_write_one_path(one, other):
     (xy, offsets), (same, same_offsets) = shape(one), shape(other)
     assert offsets.tolist() == same_offsets.tolist()
     assert np.abs(xy - same).max() < 1e-9
+
+
+def test_path_data_are_split_into_commands_that_are_all_named():
+    found = list(tokens("m1,2 3-4H.5 6a1 1 0 015 6z"))
+    assert found == [
+        ("m", [1.0, 2.0]),
+        ("l", [3.0, -4.0]),
+        ("H", [0.5]),
+        ("H", [6.0]),
+        ("a", [1.0, 1.0, 0.0, 0.0, 1.0, 5.0, 6.0]),
+        ("z", []),
+    ]
+    assert list(tokens("1 2 3 4", "M")) == [("M", [1.0, 2.0]), ("L", [3.0, 4.0])]
+    assert draw([("M", [3.0, 0.0]), ("h", [3.0])]) == [[(3, 0, 4, 0, 5, 0, 6, 0)]]
 
 
 def test_transforms_are_composed_from_the_outside_in(tmp_path):
