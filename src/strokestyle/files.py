@@ -18,6 +18,7 @@ MAX_BYTES = 64 * 2**20  # an .svgz's once decompressed
 MAX_POINTS = 500_000
 MAX_CURVES = 50_000
 MAX_ELEMENTS = 100_000
+MAX_ATTRIBUTES = 500_000
 MAX_DEPTH = 256  # of elements inside one another
 MAX_TEXT = 16 * 2**20  # characters of one path
 

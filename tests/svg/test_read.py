@@ -165,7 +165,7 @@ def test_a_save_loses_no_stroke_and_no_width(encoding, program):
         == ours.options.texture
         == {"format2": "vector"}.get(encoding, encoding)
     )
-    assert theirs.others == theirs.hidden == 0
+    assert theirs.foreign_shapes == theirs.hidden == 0
     if program != "svgo":  # which takes metadata out
         assert theirs.options.author == "Ann" and theirs.options.license == "CC-BY-4.0"
 
@@ -303,7 +303,7 @@ def test_shapes_of_others_are_counted_and_definitions_are_not():
             '<rect width="9" height="9"/><text>x</text><defs><path d="M0 0h9"/></defs></svg>',
         )
     )
-    assert file.others == 2 and len(file.drawing.strokes) == 5
+    assert file.foreign_shapes == 2 and len(file.drawing.strokes) == 5
     pattern = '<defs><path data-ss-path="M0 0l1 1"/></defs><clipPath><path data-ss-path="M0 0l1 1"/></clipPath>'
     assert len(edited(a=("</svg>", pattern + "</svg>"))[1].drawing.strokes) == 5
 
@@ -320,7 +320,7 @@ def test_effects_on_strokes_are_counted():
             '<rect width="9" height="9" fill="url(#g)"/></svg>',
         ),  # a shape that is left out as a whole
     )
-    assert file.effects == 3 and file.others == 1 and len(file.drawing.strokes) == 5
+    assert file.effects == 3 and file.foreign_shapes == 1 and len(file.drawing.strokes) == 5
 
 
 @pytest.mark.parametrize("encoding, texture", ENCODINGS)
@@ -463,6 +463,8 @@ def test_colours_beyond_what_there_is_are_the_last_there_is():
         (' d="M', ' d="M1 1q1 2', "expected"),
         ('data-ss-margin="', 'data-ss-margin="1000', "margin"),
         ('data-ss-size="120', 'data-ss-size="9999999', "canvas"),
+        ('data-ss-size="120', 'data-ss-size="1 120', "no width and height"),
+        ('data-ss-size="120 ', 'data-ss-size="', 'data-ss-size="100" is no width and height'),
         ('<g id="layer-contour"', '<g id="layer-contour" transform="scale(1e9)"', "far"),
         ("</svg>", "", "XML"),
         ('<?xml version="1.0" encoding="utf-8" ?>', '<!DOCTYPE svg [<!ENTITY a "b">]>', "DOCTYPE"),

@@ -562,7 +562,7 @@ def test_large_files_are_refused(tmp_path, monkeypatch, limit, value, found):
 
 
 def test_crowds_are_refused_before_they_are_parsed(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "MAX_ELEMENTS", 3)
+    monkeypatch.setattr(files, "MAX_ATTRIBUTES", 15)
     with pytest.raises(ValueError, match="15 attributes"):
         load(tmp_path, "<g " + " ".join(f'a{i}="1"' for i in range(20)) + "/>")
     monkeypatch.setattr(files, "MAX_POINTS", 3)

@@ -192,7 +192,7 @@ def left_out(found: SvgFile) -> str:
     """What of a file an edit does not keep, for the user: "; left out: shapes 2", or nothing."""
     counts = {
         "hidden strokes": found.hidden,
-        "shapes": found.others,
+        "shapes": found.foreign_shapes,
         "clips, gradients, filters": found.effects,
     }
     lost = ", ".join(f"{what} {n}" for what, n in counts.items() if n)

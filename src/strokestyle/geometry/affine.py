@@ -37,6 +37,24 @@ def compose(outer: Affine, inner: Affine) -> Affine:
     return made
 
 
+def determinant(matrix: Affine) -> float:
+    """Give the factor by which a matrix changes areas, below 0 where it mirrors."""
+    a, b, c, d, _, _ = matrix
+    return a * d - b * c
+
+
+def is_flat(matrix: Affine) -> bool:
+    """Tell whether a matrix presses the plane onto a line, or nearly."""
+    return abs(determinant(matrix)) < 1e-12
+
+
+def inverse(matrix: Affine) -> Affine:
+    """Invert a matrix that is not flat."""
+    a, b, c, d, e, f = matrix
+    det = determinant(matrix)
+    return (d / det, -b / det, -c / det, a / det, (c * f - d * e) / det, (b * e - a * f) / det)
+
+
 def transformed(matrix: Affine, points: np.ndarray) -> np.ndarray:
     """Apply a matrix to points (..., 2)."""
     # element by element, not by a matrix product: equal points stay equal to the last bit, so that

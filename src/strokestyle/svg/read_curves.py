@@ -12,7 +12,7 @@ from .. import files as limits
 from ..geometry.affine import IDENTITY, MAX_NUMBER, Affine, compose, fit_box, transformed
 from ..geometry.bezier import Segment, flatten
 from ..geometry.curves import KINDS, SAME_POINT, Curves, clean_curves, kind_named
-from .format import Data
+from .format import INKSCAPE_NAMESPACE, Data
 from .path_data import (
     SPACE,
     length,
@@ -22,7 +22,7 @@ from .path_data import (
     parse_transform,
     shape_path,
 )
-from .xml import INKSCAPE_NAMESPACE, SVG_NAMESPACE, SaxReader, css_property
+from .xml import SVG_NAMESPACE, SaxReader, css_property
 
 BORDER = 0.5  # px; a frame this near the page's edge is the paper, not a line
 LABEL = INKSCAPE_NAMESPACE + "}label"

@@ -12,7 +12,7 @@ from PIL import Image, ImageColor
 
 from .. import files as limits
 from ..drawing.ribbon import Ribbon, strip_points
-from ..geometry.affine import Affine, transformed
+from ..geometry.affine import Affine, determinant, inverse, is_flat, transformed
 from ..geometry.bezier import flatten
 from ..geometry.polygons import winding_number
 from .format import LIMITS
@@ -81,7 +81,7 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget)
     ValueError
         on an image or a path that cannot be read, or where the budget is spent.
     """
-    shapes = [shape for shape in shapes if _shows(shape)]
+    shapes = [shape for shape in shapes if _is_drawn(shape)]
     images = [
         decoded(shape.attributes, budget) if shape.tag == "image" else None for shape in shapes
     ]
@@ -96,7 +96,7 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget)
     color = np.zeros((rows, columns, 4))  # premultiplied
     points = transformed(move, strip_points(band, rows, columns))
     for shape, image in zip(shapes, images, strict=True):
-        at = transformed(_inverse(shape.matrix), points)
+        at = transformed(inverse(shape.matrix), points)
         if image is not None:
             over = shape.opacity * _sampled(np.asarray(image.convert("RGBA")), shape.attributes, at)
             color = over + (1.0 - over[..., 3:]) * color
@@ -185,23 +185,23 @@ def has_external_image(shapes: list[Shape]) -> bool:
     )
 
 
-def _shows(shape: Shape) -> bool:
+def _is_drawn(shape: Shape) -> bool:
     """Whether anything of a shape is drawn that is in the file itself."""
-    a, b, c, d = shape.matrix[:4]
-    if abs(a * d - b * c) < 1e-12:
+    if is_flat(shape.matrix):
         return False
-    return shape.tag == "path" or (
-        _PNG.match(_href(shape.attributes)) and min(image_box(shape.attributes)[2:]) > 0
-    )
+    if shape.tag == "path":
+        return True
+    in_file = _PNG.match(_href(shape.attributes)) is not None
+    return in_file and min(image_box(shape.attributes)[2:]) > 0
 
 
 def _density(shape: Shape, image: Image.Image | None) -> float:
     """Texels a px that a shape is worth."""
     if image is None:
         return DENSITY
-    a, b, c, d = shape.matrix[:4]
     pixels = np.sqrt(image.width * image.height / np.prod(image_box(shape.attributes)[2:]))
-    return float(np.clip(pixels / max(np.sqrt(abs(a * d - b * c)), 1e-6), 0.5, 4.0))
+    scale = np.sqrt(abs(determinant(shape.matrix)))
+    return float(np.clip(pixels / max(scale, 1e-6), 0.5, 4.0))
 
 
 def _sampled(image: np.ndarray, attributes: dict[str, str], at: np.ndarray) -> np.ndarray:
@@ -236,12 +236,6 @@ def _one_ink(texels: np.ndarray) -> np.ndarray | None:
     """The one colour (3,) in [0, 1] of straight RGBA texels (n, 4) uint8, where they have no more."""
     ink = texels[texels[:, 3] > 0, :3]
     return ink[0] / 255.0 if len(ink) and (ink == ink[0]).all() else None
-
-
-def _inverse(matrix: Affine) -> Affine:
-    a, b, c, d, e, f = matrix
-    det = a * d - b * c
-    return (d / det, -b / det, -c / det, a / det, (c * f - d * e) / det, (b * e - a * f) / det)
 
 
 def rgb(fill: str) -> np.ndarray:

@@ -10,7 +10,6 @@ from .. import files as limits
 from ..files import quoted
 
 SVG_NAMESPACE = "http://www.w3.org/2000/svg"
-INKSCAPE_NAMESPACE = "http://www.inkscape.org/namespaces/inkscape"
 UNSAFE = (
     'its document type has declarations of its own ("<!DOCTYPE svg [...]>"); '
     "save it as plain SVG, or take them out"
@@ -20,12 +19,21 @@ UNSAFE = (
 class SaxReader:
     """Walks through a document as expat reads it; no tree is built.
 
-    `start(namespace, tag, attributes)` is called at the beginning of every element and `end()` at its end; attributes
-    of other namespaces have names such as "http://www.w3.org/1999/xlink}href". A ValueError of `start` is raised with
-    the element's place before it. `words(text)` is called with text between elements, in pieces.
+    Parameters
+    ----------
+    start : called with (namespace, tag, attributes) at the beginning of every element. Attributes
+        of other namespaces have names such as "http://www.w3.org/1999/xlink}href". A ValueError of
+        it is raised with the element's place before it.
+    end : called at the end of every element
+    text : called with text between elements, in pieces
     """
 
-    def __init__(self, start: Callable, end: Callable, words: Callable | None = None):
+    def __init__(
+        self,
+        start: Callable[[str, str, dict[str, str]], None],
+        end: Callable[[], None],
+        text: Callable[[str], None] | None = None,
+    ):
         self.start, self.end = start, end
         self.elements = self.depth = 0
         self.parser = expat.ParserCreate(namespace_separator="}")
@@ -33,23 +41,34 @@ class SaxReader:
         self.parser.EndElementHandler = self._end
         self.parser.StartDoctypeDeclHandler = self._doctype
         self.parser.EntityDeclHandler = self._refuse
-        if words is not None:
-            self.parser.CharacterDataHandler = words
+        if text is not None:
+            self.parser.CharacterDataHandler = text
+
+    @property
+    def line(self) -> int:
+        """The line, from 1, where what is being read begins."""
+        return self.parser.CurrentLineNumber
+
+    @property
+    def place(self) -> int:
+        """The byte, from 0, where what is being read begins; behind an empty element at its end."""
+        return self.parser.CurrentByteIndex
 
     def walk(self, data: bytes) -> None:
-        """Raises ValueError on what is no SVG file, or is damaged, unsafe or too large."""
-        # every other byte of UTF-16 is NUL; the parser's own handlers refuse what this first look may not see
-        if b"<!entity" in (data.replace(b"\0", b"") if b"\0" in data else data).lower():
+        """Read a document. Raises ValueError where it is no SVG, damaged, unsafe or too large."""
+        # every other byte of UTF-16 is NUL; the parser's own handlers refuse what this first look
+        # may not see
+        plain = data.replace(b"\0", b"") if b"\0" in data else data
+        if b"<!entity" in plain.lower():
             raise ValueError(UNSAFE)
         if data.count(b"<") > 2 * limits.MAX_ELEMENTS + 100:
             raise ValueError(
                 f"more than {limits.MAX_ELEMENTS} elements: simplify the drawing first"
             )
-        if (
-            data.count(b"=") > 5 * limits.MAX_ELEMENTS
-        ):  # the parser hands over an element whole, however many it has
+        # the parser hands over an element whole, however many attributes it has
+        if data.count(b"=") > limits.MAX_ATTRIBUTES:
             raise ValueError(
-                f"more than {5 * limits.MAX_ELEMENTS} attributes: simplify the drawing first"
+                f"more than {limits.MAX_ATTRIBUTES} attributes: simplify the drawing first"
             )
         try:
             self.parser.Parse(data, True)
@@ -58,11 +77,12 @@ class SaxReader:
         except LookupError as error:  # an encoding that Python does not know
             raise ValueError(f"not an SVG file ({error}); save it as UTF-8") from None
 
-    def _start(self, name: str, attributes: dict[str, str]):
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
         self.elements += 1
         if self.elements > limits.MAX_ELEMENTS or self.depth >= limits.MAX_DEPTH:
             raise ValueError(
-                f"more than {limits.MAX_ELEMENTS} elements, or {limits.MAX_DEPTH} inside one another: simplify it first"
+                f"more than {limits.MAX_ELEMENTS} elements, or {limits.MAX_DEPTH} inside one "
+                "another: simplify it first"
             )
         namespace, _, tag = name.rpartition("}")
         if not self.depth and not (namespace in ("", SVG_NAMESPACE) and tag == "svg"):
@@ -74,24 +94,22 @@ class SaxReader:
             self.start(namespace, tag, attributes)
         except ValueError as error:
             which = f' id="{quoted(attributes["id"])}"' if "id" in attributes else ""
-            raise ValueError(
-                f"line {self.parser.CurrentLineNumber}, <{tag}{which}>: {error}"
-            ) from None
+            raise ValueError(f"line {self.line}, <{tag}{which}>: {error}") from None
 
-    def _end(self, _):
+    def _end(self, _: str) -> None:
         self.depth -= 1
         self.end()
 
-    def _doctype(self, name, system, public, has_subset):
-        """Old files name SVG's document type, which is not fetched; one with declarations of its own is refused."""
-        if has_subset:
+    def _doctype(self, *declaration: object) -> None:
+        """Refuse declarations of a file's own; that of old files is not fetched."""
+        if declaration[-1]:  # it has an internal subset
             self._refuse()
 
-    def _refuse(self, *_):
+    def _refuse(self, *_: object) -> None:
         raise ValueError(UNSAFE)
 
 
 def css_property(name: str, style: str, attributes: dict[str, str]) -> str:
-    """A CSS property of the style attribute, else the attribute of that name, else ""."""
+    """Look up a CSS property: in the style attribute, else the attribute of that name, else ""."""
     found = re.findall(rf"(?:^|;)\s*{name}\s*:([^;!]*)", style[:10_000]) if name in style else ()
     return (found[-1] if found else attributes.get(name, "")).strip().lower()

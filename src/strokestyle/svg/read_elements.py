@@ -1,0 +1,259 @@
+"""Collect the strokes of a document, with all that its elements say of their look and place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from ..geometry.affine import IDENTITY, Affine, compose, is_flat
+from .format import FORMAT, LIMITS, PAPER_ID, RDF_NAMESPACES, Data
+from .path_data import parse_transform
+from .read_texture import Shape
+from .xml import SVG_NAMESPACE, SaxReader, css_property
+
+MAX_STROKES = LIMITS["strokes"].value
+MAX_WORDS = 10_000  # characters of a title, or of another of the document's texts
+REFERENCES = ("fill", "clip-path", "mask", "filter")
+_REFERENCE = re.compile(rf"(?:^|;)\s*(?:{'|'.join(REFERENCES)})\s*:\s*url\(")
+GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
+SHAPES = (
+    "path", "line", "polyline", "polygon", "rect", "circle", "ellipse", "image", "text", "use",
+    "svg",
+)  # fmt: skip
+RDF, DC = RDF_NAMESPACES["xmlns:rdf"], RDF_NAMESPACES["xmlns:dc"]
+CC = (RDF_NAMESPACES["xmlns:cc"], "http://web.resource.org/cc/")
+TEXTS = {  # by the elements that they stand in
+    ((SVG_NAMESPACE, "svg"), (SVG_NAMESPACE, "title")): "title",
+    ((SVG_NAMESPACE, "svg"), (SVG_NAMESPACE, "desc")): "description",
+}
+AGENTS = {"creator": "author", "rights": "license"}  # by the element that a cc:Agent is in
+
+
+@dataclass
+class State:
+    """What an element hands on to those inside it.
+
+    Parameters
+    ----------
+    matrix : from its coordinates to the root's, without the root's viewBox; inside a stroke, to
+        the stroke's
+    fill, fill_opacity, opacity : CSS colour, and shares in [0, 1]; opacity is the product of all
+    visible : as `visibility` says, which an element inside may take back
+    rendered : no `display: none`, and not pressed flat, which nothing inside can take back
+    skipped : nothing inside is looked at
+    stroke : the stroke that it is in
+    """
+
+    matrix: Affine = IDENTITY
+    fill: str = "#000000"
+    fill_opacity: float = 1.0
+    opacity: float = 1.0
+    visible: bool = True
+    rendered: bool = True
+    skipped: bool = False
+    stroke: StrokeElement | None = None
+
+    @property
+    def shown(self) -> bool:
+        return self.visible and self.rendered
+
+
+@dataclass
+class StrokeElement:
+    """A stroke as it stands in the file.
+
+    Parameters
+    ----------
+    id : "" where it has none
+    attributes : of its element
+    state : of it, its own attributes included
+    line : of the file, where it begins
+    begin, end : its bytes in the file; `end` is behind an empty element, else its end tag's begin
+    inherits_look : the elements around it move it, or make it paler
+    shapes : what is drawn in it, or the element itself, from the lowest to the uppermost
+    """
+
+    id: str
+    attributes: dict[str, str]
+    state: State
+    line: int
+    begin: int
+    inherits_look: bool
+    shapes: list[Shape] = field(default_factory=list)
+    end: int = 0
+
+
+class Metadata:
+    """Collects the words about a document: title, description, author and license."""
+
+    def __init__(self) -> None:
+        self.words: dict[str, str] = {}
+        self._open: list[tuple[str, str]] = []  # (namespace, tag) of the elements around
+
+    def start(self, namespace: str, tag: str, attributes: Mapping[str, str]) -> None:
+        if self._open and tag == "license" and namespace in CC:
+            self.words.setdefault("license", attributes.get(RDF + "}resource", ""))
+        self._open.append((namespace, tag))
+
+    def end(self) -> None:
+        self._open.pop()
+
+    def text(self, text: str) -> None:
+        name = self._name()
+        if name is not None and len(self.words.get(name, "")) < MAX_WORDS:
+            self.words[name] = self.words.get(name, "") + text
+
+    def _name(self) -> str | None:
+        """Which words a text in the open elements is."""
+        match self._open:
+            case [root, element]:
+                return TEXTS.get((root, element))
+            case [*_, (_, above), (_, "Agent"), (namespace, "title")] if namespace == DC:
+                return AGENTS.get(above)
+        return None
+
+
+class ElementReader:
+    """Collects the strokes of a document as a SaxReader comes by its elements.
+
+    Attributes
+    ----------
+    root : attributes of the first element
+    strokes : those that are shown, in the order in which the file paints them
+    metadata : words about the document
+    offset_points : of PowerStrokes, by the ids of their path effects
+    hidden : number of strokes that are not shown
+    foreign_shapes : number of shapes that are shown and are no strokes of ours
+    effects : number of gradients, clip paths, masks and filters on strokes
+    """
+
+    def __init__(self) -> None:
+        self.root: dict[str, str] = {}
+        self.strokes: list[StrokeElement] = []
+        self.metadata = Metadata()
+        self.offset_points: dict[str, str] = {}
+        self.hidden = self.foreign_shapes = self.effects = 0
+        self._states: list[State] = []  # of the open elements
+        self._xml = SaxReader(self._start, self._end, self.metadata.text)
+
+    def read(self, data: bytes) -> None:
+        """Read a document. Raises ValueError where it is damaged, unsafe, too large or too new."""
+        self._xml.walk(data)
+
+    def _start(self, namespace: str, tag: str, attributes: dict[str, str]) -> None:
+        self.metadata.start(namespace, tag, attributes)
+        if not self._states:
+            self.root = attributes
+            _check_version(attributes)
+            state = _inherit(State(), attributes)
+        else:
+            if tag == "path-effect" and len(self.offset_points) < MAX_STROKES:
+                self.offset_points[attributes.get("id", "")] = attributes.get("offset_points", "")
+            state = self._enter(namespace, tag, attributes)
+        self._states.append(state)
+
+    def _end(self) -> None:
+        self.metadata.end()
+        stroke = self._states.pop().stroke
+        if stroke is not None and (not self._states or self._states[-1].stroke is None):
+            stroke.end = self._xml.place
+
+    def _enter(self, namespace: str, tag: str, attributes: dict[str, str]) -> State:
+        """The state of an element inside the root; what it is gets collected."""
+        above = self._states[-1]
+        if above.skipped or namespace not in ("", SVG_NAMESPACE):
+            return State(skipped=True)
+        is_stroke = Data.PATH in attributes and tag in (*GROUPS, *SHAPES)
+        if is_stroke or above.stroke is not None or tag in GROUPS:
+            self.effects += _count_effects(attributes)
+        state = _inherit(above, attributes)
+        if above.stroke is not None:  # what it looks like
+            state.skipped, state.stroke = tag != "g", above.stroke
+            _add_shape(above.stroke, tag, attributes, state)
+            return state
+        state.rendered &= not is_flat(state.matrix)
+        if is_stroke and state.shown:
+            return self._enter_stroke(tag, attributes, state)
+        if is_stroke:
+            self.hidden += 1
+            return State(skipped=True)
+        if tag in GROUPS:
+            return state
+        behind = attributes.get("id") == PAPER_ID or Data.HIDDEN in attributes
+        self.foreign_shapes += tag in SHAPES and state.shown and not behind
+        return State(skipped=True)
+
+    def _enter_stroke(self, tag: str, attributes: dict[str, str], state: State) -> State:
+        if len(self.strokes) >= MAX_STROKES:
+            raise ValueError(f"more than {MAX_STROKES} strokes: simplify the drawing first")
+        above = self._states[-1]
+        still = above.matrix == IDENTITY and above.opacity == above.fill_opacity == 1.0
+        stroke = StrokeElement(
+            attributes.get("id", ""), attributes, state, self._xml.line, self._xml.place, not still
+        )
+        self.strokes.append(stroke)
+        # what is inside is told from it, not from the page
+        state = replace(state, matrix=IDENTITY, opacity=1.0, stroke=stroke)
+        _add_shape(stroke, tag, attributes, state)
+        return state
+
+
+def _check_version(attributes: Mapping[str, str]) -> None:
+    version = attributes.get(Data.FORMAT, "")
+    if version.isdigit() and len(version) < 9 and int(version) > FORMAT:
+        raise ValueError(
+            f"written by a newer strokestyle (format {version}, this reads {FORMAT}): "
+            "update strokestyle"
+        )
+
+
+def _inherit(above: State, attributes: dict[str, str]) -> State:
+    """The state of an element inside another, of which no stroke is known yet."""
+    style = attributes.get("style", "")
+
+    def given(name: str) -> str:
+        return css_property(name, style, attributes)
+
+    matrix = above.matrix
+    if "transform" in attributes:
+        matrix = compose(matrix, parse_transform(attributes["transform"]))
+    visibility, fill = given("visibility"), given("fill")
+    return State(
+        matrix=matrix,
+        fill=above.fill if fill in ("", "inherit") else fill,
+        fill_opacity=parse_share(given("fill-opacity"), above.fill_opacity),
+        opacity=above.opacity * parse_share(given("opacity"), 1.0),
+        visible=above.visible if visibility in ("", "inherit") else visibility == "visible",
+        rendered=above.rendered and given("display") != "none",
+    )
+
+
+def parse_share(text: str, default: float) -> float:
+    """Read an opacity, in [0, 1]; `default` where the text is none."""
+    match = re.fullmatch(r"([+-]?[0-9]*\.?[0-9]+(?:e[+-]?[0-9]{1,3})?)(%?)", text[:40])
+    if not match:
+        return default
+    return min(max(float(match[1]) / (100.0 if match[2] else 1.0), 0.0), 1.0)
+
+
+def _count_effects(attributes: Mapping[str, str]) -> int:
+    """How many properties of an element are defined elsewhere in its file.
+
+    Those are gradients, clip paths, masks and filters.
+    """
+    return sum(
+        len(_REFERENCE.findall(value)) if name == "style" else "url(" in value
+        for name, value in attributes.items()
+        if "url(" in value and name in ("style", *REFERENCES)
+    )
+
+
+def _add_shape(stroke: StrokeElement, tag: str, attributes: dict[str, str], state: State) -> None:
+    """Add an element to the shapes of its stroke, if it is one that is shown."""
+    if tag not in ("path", "image") or not state.shown:
+        return
+    opacity = state.opacity
+    if tag == "path":
+        opacity *= state.fill_opacity if state.fill != "none" else 0.0
+    stroke.shapes.append(Shape(tag, attributes, state.matrix, state.fill, opacity))

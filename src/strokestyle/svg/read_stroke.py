@@ -1,0 +1,452 @@
+"""Read a stroke of ours: its centre line, widths, ink and texture, and where others moved it to."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .. import files as limits
+from ..drawing.ribbon import ribbon
+from ..drawing.strokes import MAX_MARGIN, Strokes
+from ..files import quoted
+from ..geometry.affine import (
+    IDENTITY,
+    MAX_NUMBER,
+    Affine,
+    compose,
+    determinant,
+    transformed,
+)
+from ..geometry.bezier import flatten
+from ..geometry.curves import KINDS, arc, arc_length, kind_named
+from ..geometry.parts import part_name
+from .centre_lines import EFFECT
+from .format import INKSCAPE_NAMESPACE, LIMITS, STROKE_CLASS, Data
+from .kept import DrawnStroke
+from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
+from .markup import Element
+from .path_data import parse_numbers, parse_path
+from .read_elements import StrokeElement, parse_share
+from .read_texture import (
+    CHORD,
+    Budget,
+    Shape,
+    drawn_strip,
+    from_base64,
+    has_external_image,
+    image_box,
+    rgb,
+)
+from .strip_image import read_strip
+
+MAX_PATH = LIMITS["path_characters"].value
+MAX_PLACE = LIMITS["place"].value
+MAX_COPIES = 100  # of a stroke that are merged with it
+PATH_EFFECT = INKSCAPE_NAMESPACE + "}path-effect"
+ORIGINAL_PATH = INKSCAPE_NAMESPACE + "}original-d"
+
+# A stroke exactly as we write it: whatever is in it, it is markup that cannot run or load anything.
+_VALUE = r'="[^"<&]*"'
+_PAIR = re.compile(r" ([a-z:-]+)=\"([^\"<&]*)\"", re.IGNORECASE)
+_CHILD = (
+    rf"<(path)((?: (?:d|fill|fill-opacity|transform){_VALUE})+) ?/>"
+    rf"|<(image)((?: (?:x|y|width|height|preserveAspectRatio|xlink:href){_VALUE})+) ?/>"
+)
+_CHILDREN = re.compile(_CHILD)
+_STROKE = re.compile(
+    rf'<(path|g)((?: {Data.PART}="[^"<]*"| [a-z:-]+{_VALUE})*)'
+    rf"(?: ?/>|>((?:\s*(?:{_CHILD}))*)\s*</\1>)"
+)
+_IMAGE = re.compile(r"data:image/png;base64,[\w+/=]*")
+_KEPT_NAMES = {
+    Data.CLASS, Data.PATH, Data.WIDTH, Data.CLOSED, Data.TEXTURE, Data.MARGIN,
+    Data.AT, Data.SPINE, Data.OPACITY, "fill", "fill-opacity", "fill-rule", "d",
+    "inkscape:original-d",
+}  # fmt: skip
+
+# a centre line as we write it
+_NUMBERS = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
+_POLYLINE = re.compile(r"\s*M([^A-Za-z]*)l([^A-Za-z]*)")
+
+
+@dataclass
+class ReadStroke:
+    """A stroke as read: all that Drawing wants of it.
+
+    Parameters
+    ----------
+    xy : (n, 2) px, n >= 2
+    width : (n,) px
+    closed : its last point is its first
+    kind : index into KINDS
+    color : (4,) straight RGBA in [0, 1]
+    strip : (m, A, 4) uint8, texels as `Texture` has them; None for flat ink
+    margin : px that the strip reaches beyond half the width
+    part : "" for none
+    drawn : how it was drawn, where every letter of that is ours and it stands as it was written
+    """
+
+    xy: np.ndarray
+    width: np.ndarray
+    closed: bool
+    kind: int
+    color: np.ndarray
+    strip: np.ndarray | None
+    margin: float
+    part: str
+    drawn: DrawnStroke | None
+
+
+def read_strokes(
+    element: StrokeElement,
+    origin: tuple[float, float],
+    drawn: DrawnStroke | None,
+    budget: Budget,
+) -> list[ReadStroke]:
+    """Read an element as a stroke, and copies of it that are merged with it.
+
+    Parameters
+    ----------
+    origin : of the canvas, in the file's user units
+    drawn : as `drawn_stroke` gives it
+    budget : what is left for textures
+
+    Raises
+    ------
+    ValueError
+        on an attribute that cannot be read, and on what is too large or too far away.
+    """
+    attributes, state = element.attributes, element.state
+    closed = attributes.get(Data.CLOSED, "") == "1"
+    xy, width = read_widths(
+        read_centre_line(attributes[Data.PATH], closed), attributes.get(Data.WIDTH, "1")
+    )
+    baked = baked_transforms(element, closed)
+    margin = _margin(attributes[Data.MARGIN]) if Data.MARGIN in attributes else 0.0
+    kind = kind_named(attributes.get(Data.CLASS, ""))
+    stroke = ReadStroke(
+        xy, width, closed,
+        kind=KINDS.index("other") if kind is None else kind,
+        color=_color(element),
+        strip=None,
+        margin=margin,
+        part=part_name(attributes.get(Data.PART, "")),
+        drawn=None,
+    )  # fmt: skip
+    stroke.strip = _strip(element, stroke, baked[0], budget)
+    as_written = state.matrix == IDENTITY and state.opacity == 1.0 and baked == [IDENTITY]
+    if as_written and not element.inherits_look:
+        stroke.drawn = drawn
+    home = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), state.matrix)
+    return [_transformed_stroke(stroke, compose(home, transform)) for transform in baked]
+
+
+def _color(element: StrokeElement) -> np.ndarray:
+    """The flat ink of a stroke, (4,) RGBA."""
+    state = element.state
+    color = np.array([*rgb(state.fill), state.fill_opacity * state.opacity])
+    color[3] *= parse_share(element.attributes.get(Data.OPACITY, ""), 1.0)
+    if state.fill == "none":
+        color[3] = 0.0
+    return color
+
+
+def _margin(text: str) -> float:
+    values = parse_numbers(text, Data.MARGIN)
+    if len(values) != 1 or not 0 <= values[0] <= MAX_MARGIN:
+        raise ValueError(
+            f'bad {Data.MARGIN} "{quoted(text)}": expected a number between 0 and {MAX_MARGIN:g}'
+        )
+    return values[0]
+
+
+def _strip(
+    element: StrokeElement, stroke: ReadStroke, baked: Affine, budget: Budget
+) -> np.ndarray | None:
+    """The strip (n, A, 4) of a stroke, told or read off what is drawn; None for flat ink.
+
+    `stroke` : what is known of it, before it is moved
+    `baked` : from there to where it is drawn
+    """
+    attributes, opacity = element.attributes, element.state.opacity
+    if Data.TEXTURE in attributes:
+        strip = read_strip(
+            from_base64(attributes[Data.TEXTURE].split(",", 1)[-1], "texture"),
+            stroke.color[:3],
+            min(budget.texels, LIMITS["strip_texels"].value),
+        )
+        budget.spend("texels", strip[..., 0].size)
+    elif Data.MARGIN in attributes and not has_external_image(element.shapes):
+        one = Strokes(
+            stroke.xy,
+            stroke.width,
+            np.array([0, len(stroke.xy)]),
+            np.array([0]),
+            np.array([stroke.closed]),
+        )
+        strip = drawn_strip(element.shapes, ribbon(one, 0, stroke.margin), baked, budget)
+    else:
+        return None
+    if opacity < 1:
+        alpha = np.rint(strip[..., 3:] * opacity).astype(np.uint8)
+        strip = np.concatenate([strip[..., :3], alpha], axis=2)
+    return strip
+
+
+def _transformed_stroke(stroke: ReadStroke, matrix: Affine) -> ReadStroke:
+    """The stroke where a transform takes it. Raises ValueError where that is no place for one."""
+    xy = stroke.xy if matrix == IDENTITY else transformed(matrix, stroke.xy)
+    det = determinant(matrix)
+    scale = 1.0 if abs(abs(det) - 1.0) < 1e-12 else math.sqrt(abs(det))
+    width, margin = stroke.width * scale, min(stroke.margin * scale, MAX_MARGIN)
+    if not np.abs(xy).max() <= MAX_PLACE:
+        raise ValueError(
+            f"a point {np.abs(xy).max():.3g} px away is too far to be a place in a drawing"
+        )
+    if not width.max() <= MAX_PLACE:
+        raise ValueError(f"a width of {width.max():.3g} px is too large")
+    strip = stroke.strip
+    if strip is not None and det < 0:
+        strip = strip[:, ::-1]
+    return replace(stroke, xy=xy, width=width, margin=margin, strip=strip)
+
+
+# ------------------------------------------------------------------------- the line and its widths
+
+
+def read_centre_line(path: str, closed: bool) -> np.ndarray:
+    """Read the points (n, 2) of a centre line, n >= 2; a closed one ends where it begins.
+
+    Raises ValueError on bad path data, and where they are not one line in a drawing.
+    """
+    if len(path) > MAX_PATH:
+        raise ValueError(f"{Data.PATH} has more than {MAX_PATH} characters")
+    match = _POLYLINE.fullmatch(path)
+    if match and not re.sub(r"[\s,]+", "", _NUMBERS.sub("", match[1] + " " + match[2])):
+        xy = _polyline_points(match[1], match[2])
+    else:
+        xy = _path_points(path)
+    if len(xy) > limits.MAX_POINTS or not (np.abs(xy) <= MAX_NUMBER).all():
+        raise ValueError(f"{Data.PATH} leads too far to be a line in a drawing")
+    if closed and len(xy) > 1 and (xy[0] != xy[-1]).any():
+        near = np.abs(xy[0] - xy[-1]).max() < 1e-6
+        xy = np.concatenate([xy[:-1] if near else xy, xy[:1]])
+    return np.concatenate([xy, xy]) if len(xy) == 1 else xy
+
+
+def _polyline_points(begin: str, steps: str) -> np.ndarray:
+    """The points of a line as we write it, a place and steps from there: much the faster way."""
+    first, rest = (np.array(_NUMBERS.findall(part), np.float64) for part in (begin, steps))
+    if len(first) != 2 or len(rest) % 2:
+        raise ValueError(f"{Data.PATH} has half a point")
+    return np.cumsum(np.concatenate([first[None], rest.reshape(-1, 2)]), axis=0).round(9)
+
+
+def _path_points(path: str) -> np.ndarray:
+    """The points of a line of any path data; curves are flattened."""
+    subpaths = parse_path(path, name=Data.PATH)
+    if len(subpaths) > 1:
+        raise ValueError(f"{Data.PATH} has {len(subpaths)} pieces; a stroke has one")
+    if not subpaths:
+        raise ValueError(f"{Data.PATH} draws nothing")
+    cubics = np.array(subpaths[0]).reshape(-1, 4, 2)
+    third = (cubics[:, 3] - cubics[:, 0]) / 3
+    leaves, arrives = cubics[:, 1] - cubics[:, 0] - third, cubics[:, 3] - cubics[:, 2] - third
+    if np.abs(leaves).max() + np.abs(arrives).max() < 1e-6:  # straight pieces
+        return np.concatenate([cubics[:1, 0], cubics[:, 3]])
+    return flatten(cubics, np.array([0, len(cubics)]), CHORD)[0]
+
+
+def read_widths(xy: np.ndarray, text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Read the width at each point of a line (n, 2): the points, and (n,) widths.
+
+    Where widths are told by arc length, points are added that hold them. Raises ValueError.
+    """
+    if len(text) > MAX_PATH:
+        raise ValueError(f"{Data.WIDTH} has more than {MAX_PATH} characters")
+    pairs = "," in text
+    rows = [row.split(",") for row in text.split()] if pairs else text.split()
+    try:
+        numbers = np.array(rows, np.float64)
+    except ValueError:
+        numbers = np.zeros((0, 0))
+    if numbers.shape[1:] != ((2,) if pairs else ()):
+        raise ValueError(f'bad {Data.WIDTH} "{quoted(text)}": expected numbers, or pairs t,w')
+    if pairs:
+        xy, width = _widths_by_length(xy, numbers[:, 0], numbers[:, 1])
+    else:
+        width = _widths_by_point(xy, numbers)
+    if not (np.isfinite(width).all() and width.min() >= 0):
+        raise ValueError(f"{Data.WIDTH} holds a width that is none")
+    return xy, width
+
+
+def _widths_by_point(xy: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """One width for all points, or one for each; a ring's may leave out the point it repeats."""
+    if len(widths) == 1:
+        return np.repeat(widths, len(xy))
+    if len(widths) == len(xy) - 1 and (xy[0] == xy[-1]).all():
+        return np.r_[widths, widths[:1]]
+    if len(widths) != len(xy):
+        raise ValueError(f"{Data.WIDTH} has {len(widths)} widths for {len(xy)} points")
+    return widths
+
+
+def _widths_by_length(
+    xy: np.ndarray, t: np.ndarray, widths: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points and the width at each, from widths at shares `t` of a line's length."""
+    if not ((np.diff(t) >= 0).all() and t[0] >= 0 and t[-1] <= 1):
+        raise ValueError(f"{Data.WIDTH}: places must rise from 0 to 1")
+    along = arc_length(xy, np.array([0, len(xy)]))
+    if along[-1] <= 0:
+        return xy, np.full(len(xy), widths.max())
+    along = along / along[-1]
+    new = t[:0]  # where a point is wanted and none is near, as long as that can be looked up
+    if len(t) * len(along) < 4e6:
+        new = t[np.abs(t[:, None] - along[None]).min(axis=1) > 1e-4]
+    place = np.sort(np.r_[along, new], kind="stable")
+    xy = np.stack([np.interp(place, along, column) for column in xy.T], axis=1)
+    return xy, np.interp(place, t, widths)
+
+
+# ------------------------------------------------------- transforms baked into the coordinates
+
+
+def baked_transforms(element: StrokeElement, closed: bool) -> list[Affine]:
+    """Find the transforms that other programs baked into the coordinates of a stroke's first shape.
+
+    One; more where svgo merged a stroke of flat ink with its moved copies, whose attributes are the
+    same.
+    """
+    if Data.AT not in element.attributes or not element.shapes:
+        return [IDENTITY]
+    first = element.shapes[0]
+    try:
+        if first.attributes.get(ORIGINAL_PATH) and Data.SPINE in first.attributes:
+            return [_baked_into_spine(first)]
+        *places, area = element.attributes[Data.AT].split()
+        if "," in area:  # of an image, or written before an area was
+            places, area = [*places, area], "nan"
+        then = _landmarks(places)
+        if first.tag == "image":
+            return [_baked_into_image(first, then)]
+        merged = first.attributes is element.attributes
+        rings = 2 if closed else 1  # in an outline
+        return _baked_into_path(first, then, float(area), rings if merged else 0)
+    except ValueError:
+        return [IDENTITY]
+
+
+def _baked_into_spine(shape: Shape) -> Affine:
+    """The transform of a PowerStroke's line, whose outline Inkscape draws anew."""
+    line = transformed(shape.matrix, first_line(shape.attributes[ORIGINAL_PATH]))
+    then = _landmarks(shape.attributes[Data.SPINE].split())
+    return recover_transform(then, landmarks(line), line) or IDENTITY
+
+
+def _baked_into_image(shape: Shape, then: np.ndarray) -> Affine:
+    """The transform of an image, by its corners."""
+    x, y, w, h = image_box(shape.attributes)
+    now = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+    return recover_transform(then, transformed(shape.matrix, now)) or IDENTITY
+
+
+def _baked_into_path(shape: Shape, then: np.ndarray, area: float, rings: int) -> list[Affine]:
+    """The transforms of a path, and of its copies that are merged into it.
+
+    `then`, `area` : the landmarks of its first subpath, and what that enclosed; NaN: not told
+    `rings` : subpaths of each copy; 0 where there can be none
+    """
+    d = shape.attributes.get("d", "")
+    if rings and rings < len(re.findall("[Mm]", d)) <= MAX_COPIES * rings:
+        lines = [fine_line(subpath) for subpath in parse_path(d)[::rings]]
+    else:
+        lines = [first_line(d)]
+    lines = [transformed(shape.matrix, line) for line in lines]
+    found = [
+        _unless_edited(recover_transform(then, landmarks(line), line), area, line) for line in lines
+    ]
+    if None in found:  # what is merged with it is no copy of it
+        found = found[:1]
+    return [transform or IDENTITY for transform in found]
+
+
+def _landmarks(pairs: list[str]) -> np.ndarray:
+    """Read landmarks (4, 2) of "x,y" texts. Raises ValueError."""
+    at = np.array([pair.split(",") for pair in pairs], np.float64)
+    if at.shape != (4, 2) or not (np.abs(at) <= MAX_PLACE).all():
+        raise ValueError("bad landmarks")
+    return at
+
+
+def _unless_edited(transform: Affine | None, area: float, line: np.ndarray) -> Affine | None:
+    """A shape's transform, if it takes its area to that within a line: few landmarks fit many.
+
+    Rounding may move an edge by ROUNDING px, or its area by a thousandth.
+    """
+    if transform is None or transform == IDENTITY or np.isnan(area):
+        return transform
+    area *= abs(determinant(transform))
+    slack = ROUNDING * arc(line)[-1] + 1e-3 * area
+    return transform if abs(enclosed(line) - area) <= slack else None
+
+
+# ----------------------------------------------------------------------------- as it was written
+
+
+def drawn_stroke(
+    data: bytes, element: StrokeElement, offset_points: Mapping[str, str]
+) -> DrawnStroke | None:
+    """Give a stroke as it is drawn, if every letter of its element and path effect is ours.
+
+    It is without id, class, part and path effect.
+
+    Parameters
+    ----------
+    data : the file
+    offset_points : of the file's PowerStrokes, by the ids of their path effects
+    """
+    drawn = _own_element(data, element)
+    effect = element.attributes.get(PATH_EFFECT)
+    if drawn is None or effect is None:
+        return None if drawn is None else DrawnStroke(drawn)
+    points = offset_points.get(EFFECT + element.id, "")
+    if effect != f"#{EFFECT}{element.id}" or not re.fullmatch("[0-9., |-]+", points):
+        return None
+    return DrawnStroke(drawn, points)
+
+
+def _own_element(data: bytes, element: StrokeElement) -> Element | None:
+    # of an end tag, expat gives where it begins; of an empty element, the place behind it
+    shapes = element.shapes
+    empty = data.endswith(b"/>", 0, element.end) and (
+        not shapes or shapes[0].attributes is element.attributes
+    )
+    end = element.end if empty else data.find(b">", element.end) + 1
+    match = _STROKE.fullmatch(data[element.begin : end].decode("ascii", "replace"))
+    if match is None:
+        return None
+    attributes = dict(_PAIR.findall(match[2]))
+    is_stroke = attributes.pop("class", "") == STROKE_CLASS
+    for name in ("id", Data.PART, "inkscape:path-effect"):
+        attributes.pop(name, None)
+    if not is_stroke or "fill" not in attributes or not set(attributes) <= _KEPT_NAMES:
+        return None
+    children = _own_children(match[3] or "")
+    return None if children is None else Element(match[1], attributes, children)
+
+
+def _own_children(text: str) -> tuple[Element, ...] | None:
+    """The paths and images in a stroke; None where an image is not in the file itself."""
+    children = []
+    for path, of_path, image, of_image in _CHILDREN.findall(text):
+        attributes = dict(_PAIR.findall(of_path or of_image))
+        if image and not _IMAGE.fullmatch(attributes.get("xlink:href", "")):
+            return None
+        children.append(Element(path or image, attributes))
+    return tuple(children)
