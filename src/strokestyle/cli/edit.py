@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable
 from itertools import islice
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from .drawing import read_drawing
 from .messages import say, timed
 from .options import TEXTURES, common_options, file_options, seed_option
 from .outputs import STANDARD_OUTPUT, check_outputs, write_preview, write_svg_text
@@ -161,12 +161,11 @@ def edit(
     if png and output == STANDARD_OUTPUT:
         raise click.UsageError("standard output takes one SVG: no --png with -o -")
     check_outputs([output], [drawing] if drawing != "-" else [])
-    from ..svg.read import read_svg_file
     from ..svg.write import write_svg
     from .edit_text import NamedDrawing
 
     with timed("read the drawing"):
-        found = read_svg_file(sys.stdin.buffer.read() if drawing == "-" else drawing)
+        found = read_drawing(drawing)
     edited = make_edits(edits, NamedDrawing(found.drawing, found.ids), seed)
     look = file_options.given(options)
     if texture is None and look.get("inkscape_lpe"):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
+from .drawing import read_drawing
 from .messages import say, timed
 from .options import common_options
 from .outputs import STANDARD_OUTPUT, check_outputs
@@ -61,10 +61,9 @@ def view(files: tuple[str, ...], output: str, show: bool) -> None:
 
 def page_svg(name: str, file: str) -> str:
     """A drawing as the page wants it: written anew, with every stroke's strip of texture."""
-    from ..svg.read import read_svg_file
     from ..svg.write import write_svg
 
-    found = read_svg_file(sys.stdin.buffer.read() if file == "-" else file)
+    found = read_drawing(file)
     with timed(f"write {name} anew"):
         # without Inkscape's live effect: the page could not keep it in step with the outline
         return write_svg(

@@ -30,6 +30,10 @@ MAX_TEXELS = LIMITS["texels"].value
 MAX_PARTS = LIMITS["parts_characters"].value
 
 
+class NoStrokesError(ValueError):
+    """A file holds no stroke that this program wrote."""
+
+
 @dataclass(frozen=True)
 class SvgFile:
     """What a file of ours says.
@@ -66,7 +70,8 @@ def read_svg(source: str | bytes | Path) -> Drawing:
     Raises
     ------
     ValueError
-        on what is no SVG file, has no strokes of ours in it, or is damaged, unsafe or too large.
+        on what is no SVG file, has no strokes of ours in it (NoStrokesError), or is damaged, unsafe
+        or too large.
     OSError
         where the file cannot be read.
     """
@@ -87,7 +92,8 @@ def read_svg_file(source: str | bytes | Path) -> SvgFile:
     try:
         return _read(data)
     except ValueError as error:
-        raise ValueError(f"{source}: {error}") from None
+        sort = NoStrokesError if isinstance(error, NoStrokesError) else ValueError
+        raise sort(f"{source}: {error}") from None
 
 
 def _read(data: bytes) -> SvgFile:
@@ -95,7 +101,7 @@ def _read(data: bytes) -> SvgFile:
     found = ElementReader()
     found.read(data)
     if not found.strokes and not (Data.SIZE in found.root or found.hidden):
-        raise ValueError(
+        raise NoStrokesError(
             "no strokes in it that strokestyle wrote; curves of other programs can be rendered, "
             "not edited or viewed"
         )
