@@ -46,14 +46,14 @@ def mutants(text: str) -> list[Mutant]:
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.startswith("#"):
             continue
-        if line.startswith("["):
+        if "  ->  " in line:
+            old, new = line.split("  ->  ")
+            found.append(Mutant(group, file, old.strip(), new.strip(), tests))
+        elif line.startswith("["):
             group, _, names = line[1:].partition("]")
             tests = tuple(names.split())
         elif line.startswith("= "):
             file = line[2:].strip()
-        elif "  ->  " in line:
-            old, new = line.split("  ->  ")
-            found.append(Mutant(group, file, old.strip(), new.strip(), tests))
         else:
             raise ValueError(
                 f"line {number}: expected [group] tests, = file, or old  ->  new: {line}"
