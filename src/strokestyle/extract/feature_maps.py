@@ -93,9 +93,9 @@ def feature_maps(surface: Surface, camera: Camera, curves: Curves, scene: Bvh) -
     The eight channels of Liu et al. 2021 (sec. 3.2): depth along the view axis, radial curvature
     (DeCarlo 2003) in its positive and negative part, its derivative, the larger and the smaller
     principal curvature, the view-dependent curvature (Judd 2007), n.v. They are interpolated
-    between vertices. Each is divided by the 90th percentile of its size over the surface seen, and cut at
-    +-CLIP; background 1. Then the normal on the screen (background 0) and the plain raster of the
-    curves.
+    between vertices. Each is divided by the 90th percentile of its size over the surface seen, and
+    cut at +-CLIP; background 1. Then the normal on the screen (background 0) and the plain raster
+    of the curves.
     """
     covered, face, bary = _first_faces(surface, camera, scene)
     fields = _vertex_fields(surface, camera)

@@ -1,31 +1,88 @@
 """From visible fragments of lines to the fewest, longest natural strokes.
 
-Lengths are in pixels of a canvas 768 px on its longer side and grow with the canvas. A line is *hard* where it must be
-drawn to understand the shape (contour, boundary, crease, intersection, other) and *soft* where it describes the form
-between those (suggestive contour, ridge, valley, apparent ridge).
+Lengths are in pixels of a canvas 768 px on its longer side and grow with the canvas. A line is
+*hard* where it must be drawn to understand the shape (contour, boundary, crease, intersection,
+other) and *soft* where it describes the form between those (suggestive contour, ridge, valley,
+apparent ridge).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..geometry.curves import KINDS, Curves, arc_length, owner, resample, take_ragged
+from ..geometry.curves import KINDS, Curves, arc_length, owner, resample, runs, take_ragged
 from ..geometry.kinds import KIND_TABLE
 
 REFERENCE = 768.0  # px, the longer side of the canvas on which all lengths here are stated
 STEP = 1.0  # px between points while at work, and in the result
 HAIRPIN = 110.0  # degrees: a line that turns back on itself is two lines
+
+# Merging; see `tidy`, step 2.
+CHORD_REACH = 4  # points before and behind, over which a direction is measured
+ABREAST = 1.5  # px along the better curve: farther on, a point lies ahead of a tip, not beside
+MIN_HARD = 8.0  # px; shorter hard lines do not compete by their kind
+FAR_ANGLE, SAME_FORM_ANGLE = 0.4, 0.7  # x merge_angle, beyond merge_soft px
+MAX_HOLE, MAX_NICK, MIN_REMAIN = 3.0, 4.0, 6.0  # px; shorter gaps, cuts and remains are undone
+MERGE_ROUNDS = 12
+
+# Joining; see `tidy`, step 3. Lengths in px, angles in degrees.
+MEETING = 4.0  # ends this near almost meet
+MEETING_ANGLE = 1.2  # x angle, for those
+TOUCHING, TOUCHING_BEND = 2.0, 60.0  # ends this near may bend by so much
+CONTOUR_ANGLE = 1.4  # x angle, between contours
+CORNER_BEND = 90.0  # of two free ends of contours
+FREE = 3.0  # an end this far from all other curves is free
+BEHIND = 0.5  # how far behind an end the other may lie and still count as ahead
+ASIDE, CONTOUR_ASIDE = 1.5, 2.5  # beside the heading, before the angle tells
+OVERLAP, OVERLAP_ASIDE = 6.0, 2.0  # how far two ends may run past each other, and how far apart
+MIN_BRIDGE = 3.0  # what the shortest piece may bridge; shorter bridges cross nothing
+MIN_RING = 4.0  # a curve closes where it is so many times as long as the gap
+CROSSING = 0.8  # a bridge this near to a curve crosses it
+COST_BEND, COST_ASIDE = 30.0, 4.0  # degrees, px that cost as much as a bridge of `gap` px
+COST_KIND = 0.5  # for another kind, and again for soft to hard
+
+# Dropping; see `tidy`, step 4. px
+ATTACHED = 6.0  # an end this near to another line is attached
+LOOSE = 2.5  # a short crease's end farther from any line is loose: the edges of a true solid meet
+ONE_END = 1.4  # x attached, of a line with one end attached
+CLUTTER_LENGTH, CLUTTER_RADIUS = 30.0, 24.0  # lines shorter than this count, this near
+
+# Splitting; see `tidy`, step 5.
+STEADY = 0.75  # x corner, over twice the reach
+MIN_HOOKED, MAX_HOOK = 24.0, 8.0  # px, the curve and its hook
+SMOOTH_ROUNDS, SMOOTH_ROUNDS_SOFT = 6, 24  # steps of the Gaussian
+
 _SOFT = np.array([kind.soft for kind in KIND_TABLE])
 _WEIGHT = np.array([kind.weight for kind in KIND_TABLE])
-_CREASE, _SUGGESTIVE = KINDS.index("crease"), KINDS.index("suggestive")
+_CONTOUR, _CREASE = KINDS.index("contour"), KINDS.index("crease")
+_SUGGESTIVE = KINDS.index("suggestive")
 
 
 @dataclass(frozen=True)
 class TidyOptions:
-    """The numbers of `tidy`, which says what they do. Lengths are pixels on a 768 px canvas, angles degrees.
+    """The numbers of `tidy`, whose steps say what they do.
+
+    Parameters
+    ----------
+    merge, merge_soft, merge_contour, merge_suggestive : px on a 768 px canvas, how near to a better
+        curve a part of another goes: in general, if it is soft, if it is soft and the better one a
+        contour, and where one of the two is a suggestive contour
+    merge_angle : degrees, how parallel it must be
+    speck : px; everything shorter goes
+    isolated, attached : px; hard lines shorter than that go, on their own, and with both ends at
+        other lines
+    soft : px of length x strength, which a soft line must have
+    clutter : px of other short lines around it for which it must have as much once more
+    long_crease : px; shorter creases compete as soft lines
+    gap, contour_gap : px, the longest bridge, and that between contours
+    angle : degrees by which an end may miss the other's heading
+    corner : degrees; a stroke is split where it turns by more
+    smooth, smooth_soft : px, how far smoothing may move a point, and one of a soft line
 
     Raises
     ------
@@ -42,7 +99,7 @@ class TidyOptions:
     isolated: float = 15.0
     attached: float = 8.0
     soft: float = 18.0
-    crowd: float = 150.0
+    clutter: float = 150.0
     long_crease: float = 30.0
     gap: float = 10.0
     contour_gap: float = 14.0
@@ -51,7 +108,7 @@ class TidyOptions:
     smooth: float = 0.5
     smooth_soft: float = 1.5
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
             if not (np.isfinite(value) and value >= 0.0):
@@ -60,9 +117,15 @@ class TidyOptions:
 
 @dataclass(frozen=True)
 class _Lines:
-    """Polylines with a point every STEP px: xy (N, 2), strength and source (N,), offsets (C+1,), kind, closed (C,).
+    """Polylines with a point every STEP px.
 
-    The source of a point is the row of the given points that it comes from, or the nearest to it.
+    Parameters
+    ----------
+    xy : (N, 2), px on a canvas of REFERENCE px
+    strength : (N,) in 0..1
+    source : (N,) int, the row of the given points that a point comes from, or the nearest to it
+    offsets : (C+1,) int
+    kind, closed : (C,)
     """
 
     xy: np.ndarray
@@ -84,43 +147,43 @@ class _Lines:
         return self.offsets[1:] - 1
 
     def lengths(self) -> np.ndarray:
+        """Measure the arc length of each curve, (C,), px."""
         return arc_length(self.xy, self.offsets)[self.last]
 
     def mean_strength(self) -> np.ndarray:
-        return (
-            np.add.reduceat(self.strength, self.first) / np.diff(self.offsets)
-            if len(self)
-            else np.zeros(0)
-        )
+        """Average the strength of each curve's points, (C,)."""
+        if not len(self):
+            return np.zeros(0)
+        return np.add.reduceat(self.strength, self.first) / np.diff(self.offsets)
 
-    def take(self, index) -> _Lines:
+    def along(self) -> np.ndarray:
+        """Count the points of its curve before each point, (N,)."""
+        return np.arange(len(self.xy)) - np.repeat(self.first, np.diff(self.offsets))
+
+    def made_of(
+        self, rows: np.ndarray, offsets: np.ndarray, kind: np.ndarray, closed: np.ndarray
+    ) -> _Lines:
+        """Make curves of the points at `rows` (M,)."""
+        return _Lines(self.xy[rows], self.strength[rows], self.source[rows], offsets, kind, closed)
+
+    def take(self, index: np.ndarray) -> _Lines:
+        """Select the curves of an index or mask over C, in that order."""
         index = np.arange(len(self))[np.asarray(index)]
         rows, offsets = take_ragged(self.offsets, index)
-        return _Lines(
-            self.xy[rows],
-            self.strength[rows],
-            self.source[rows],
-            offsets,
-            self.kind[index],
-            self.closed[index],
-        )
+        return self.made_of(rows, offsets, self.kind[index], self.closed[index])
 
-    def runs(self, keep: np.ndarray) -> _Lines:
-        """The stretches of kept points (N,), as curves; single points are lost. Closed curves open where cut."""
+    def stretches(self, keep: np.ndarray) -> _Lines:
+        """Cut out the stretches of kept points (N,); closed curves open where cut.
+
+        Single points are lost.
+        """
         run, start, count, value = _runs(keep, self.offsets)
         good = value & (count >= 2)
         of = owner(self.offsets)[start]
-        rows = good[run]
         whole = count == np.diff(self.offsets)[of]
         offsets = np.r_[0, np.cumsum(count[good])]
-        return _Lines(
-            self.xy[rows],
-            self.strength[rows],
-            self.source[rows],
-            offsets,
-            self.kind[of[good]],
-            (self.closed[of] & whole)[good],
-        )
+        closed = (self.closed[of] & whole)[good]
+        return self.made_of(np.flatnonzero(good[run]), offsets, self.kind[of[good]], closed)
 
 
 def tidy(
@@ -129,32 +192,37 @@ def tidy(
     size: tuple[int, int] = (768, 768),
     options: TidyOptions | None = None,
 ) -> Curves:
-    """The strokes that an illustrator would start from, out of visible pieces of feature lines.
+    """Make the strokes that an illustrator would start from, of visible pieces of feature lines.
 
     1. **Cut** where a line turns back on itself (110 degrees within 6 px), as contours do at cusps.
-    2. **Merged**: the part of a curve that runs beside a better one goes: within `merge` px and `merge_angle` degrees,
-       if it is soft within `merge_soft` px, or beside a contour `merge_contour` px and 0.4 `merge_angle`; and since
-       suggestive contours and lines of other kinds tell of the same form from two sides, of these two within
-       `merge_suggestive` px and 0.7 `merge_angle`. Better is,
-       among hard lines of 8 px and more, the earlier kind in KINDS, then the longer; a hard line before a soft one;
-       among soft ones the greater length x strength. A crease shorter than `long_crease` px is more often noise than
-       form and competes as a soft line, with twice its length. Of what is left, stretches shorter than 6 px go too;
-       what would go over less than 4 px stays. Lines that cross are not parallel, so they stay.
-    3. **Joined**, before and after steps 2 and 4: ends at most 4 px apart at first, then `gap` px (`contour_gap`
-       between contours), but not farther than the shorter piece is long. Both must head for each other within `angle`
-       degrees (1.4 times that for contours), or overlap side by side by at most 6 px; ends within 2 px may bend by 60
-       degrees, and two free ends of contours by 90. Straightest and nearest pairs first, the same kind before others,
-       never across a third hard line. A joined stroke has the kind of its longest part, of the hard ones where these
+    2. **Merged**: the part of a curve that runs beside a better one goes: within `merge` px and
+       `merge_angle` degrees, if it is soft within `merge_soft` px, or beside a contour
+       `merge_contour` px and 0.4 `merge_angle`; and since suggestive contours and lines of other
+       kinds tell of the same form from two sides, of these two within `merge_suggestive` px and 0.7
+       `merge_angle`. Better is, among hard lines of 8 px and more, the earlier kind in KINDS, then
+       the longer; a hard line before a soft one; among soft ones the greater length x strength. A
+       crease shorter than `long_crease` px is more often noise than form and competes as a soft
+       line, with twice its length. Of what is left, stretches shorter than 6 px go too; what would
+       go over less than 4 px stays. Lines that cross are not parallel, so they stay.
+    3. **Joined**, before and after steps 2 and 4: ends at most 4 px apart at first, then `gap` px
+       (`contour_gap` between contours), but not farther than the shorter piece is long. Both must
+       head for each other within `angle` degrees (1.4 times that for contours), or overlap side by
+       side by at most 6 px; ends within 2 px may bend by 60 degrees, and two free ends of contours
+       by 90. Straightest and nearest pairs first, the same kind before others, never across a third
+       hard line. A joined stroke has the kind of its longest part, of the hard ones where these
        make up a third of it. Ends of one curve that meet close it.
-    4. **Dropped**: hard lines shorter than `isolated` px; 1.4 `attached` px with one end, `attached` px with both
-       within 6 px of another line. Soft lines, and short creases with an end more than 2.5 px from any line, of less
-       length x strength than `soft` px, and once more as much for every `crowd` px of other lines shorter than 30 px
-       within 24 px: noise comes in swarms. Anything shorter than `speck` px.
-    5. **Split** at corners of more than `corner` degrees within 6 px either side that are no zig-zag (0.75 times that
-       over 12 px), 11 px or more from the ends and from each other. What turns as much within the last 8 px is a hook,
-       and goes. A closed curve with no corner starts at its topmost
-       point (the leftmost of these); one with corners starts and ends at one and is open.
-    6. **Smoothed** along the stroke, by no more than `smooth` px, soft lines `smooth_soft` px; ends stay.
+    4. **Dropped**: hard lines shorter than `isolated` px; 1.4 `attached` px with one end,
+       `attached` px with both within 6 px of another line. Soft lines, and short creases with an
+       end more than 2.5 px from any line, of less length x strength than `soft` px, and once more
+       as much for every `clutter` px of other lines shorter than 30 px within 24 px: noise comes in
+       swarms. Anything shorter than `speck` px.
+    5. **Split** at corners of more than `corner` degrees within 6 px either side that are no
+       zig-zag (0.75 times that over 12 px), 11 px or more from the ends and from each other. What
+       turns as much within the last 8 px is a hook, and goes. A closed curve with no corner starts
+       at its topmost point (the leftmost of these); one with corners starts and ends at one and is
+       open.
+    6. **Smoothed** along the stroke, by no more than `smooth` px, soft lines `smooth_soft` px; ends
+       stay.
 
     Parameters
     ----------
@@ -181,7 +249,7 @@ def tidy_with_source(
     size: tuple[int, int] = (768, 768),
     options: TidyOptions | None = None,
 ) -> tuple[Curves, np.ndarray]:
-    """Tidy as `tidy` does, and say of each point (M,) of the result which of the given ones it comes from.
+    """Tidy as `tidy` does, and say which given point each point (M,) of the result comes from.
 
     A point of a bridge comes from the end that is nearest, a smoothed one from where it was.
     """
@@ -189,7 +257,8 @@ def tidy_with_source(
     strength = np.asarray(strength, np.float64)
     if strength.shape != (len(fragments.xy),) or not np.isfinite(strength).all():
         raise ValueError(
-            f"strength must be {len(fragments.xy)} finite numbers, one per point, got {strength.shape}"
+            f"strength must be {len(fragments.xy)} finite numbers, one per point, "
+            f"got {strength.shape}"
         )
     if min(size) <= 0:
         raise ValueError(f"the canvas must have a size, got {size[0]} x {size[1]}")
@@ -205,7 +274,7 @@ def tidy_with_source(
     lines = _drop(lines, options)
     lines = _join(lines, options, near=False)
     lines = _split(lines, options.corner, reach=6, apart=11, steady=True)
-    lines = _unhook(lines, options.corner)
+    lines = _trim_hooks(lines, options.corner)
     lines = _smooth(lines, options)
     order = np.lexsort((-lines.lengths(), lines.kind))
     lines = lines.take(order)
@@ -232,16 +301,23 @@ def subtract_parallel(
         distance, nearest = cKDTree(drawn.xy).query(lines.xy, distance_upper_bound=options.merge)
         near = distance < np.inf
         nearest = np.where(near, nearest, 0)
-        cosine = np.abs(np.einsum("ij,ij->i", _chords(lines, 4), _chords(drawn, 4)[nearest]))
+        cosine = np.abs(np.einsum("ij,ij->i", _chords(lines), _chords(drawn)[nearest]))
         covered = near & (cosine > np.cos(np.radians(options.merge_angle)))
         for value in (False, True):
-            covered = _flip_short(covered, lines.offsets, value, 6.0 / STEP)
-        lines = lines.runs(~covered)
+            covered = _flip_short(covered, lines.offsets, value, MIN_REMAIN / STEP)
+        lines = lines.stretches(~covered)
     return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed), lines.source
 
 
-def _even(xy, strength, source, offsets, kind, closed) -> _Lines:
-    """Points every STEP px; curves of no length are left out."""
+def _even(
+    xy: np.ndarray,
+    strength: np.ndarray,
+    source: np.ndarray,
+    offsets: np.ndarray,
+    kind: np.ndarray,
+    closed: np.ndarray,
+) -> _Lines:
+    """Space points every STEP px; curves of no length are left out."""
     row = np.arange(len(xy), dtype=np.float64)
     xy, offsets, (strength, row) = resample(xy, offsets, STEP, strength, row)
     strength, source = np.clip(strength, 0.0, 1.0), source[np.rint(row).astype(np.int64)]
@@ -250,7 +326,7 @@ def _even(xy, strength, source, offsets, kind, closed) -> _Lines:
 
 
 def _evenly(curves: Curves, scale: float, strength: np.ndarray) -> _Lines:
-    """Curves in units of a canvas of REFERENCE px, whose points are their own source."""
+    """Bring curves to a canvas of REFERENCE px; their points are their own source."""
     source = np.arange(len(curves.xy))
     xy = curves.xy / scale
     return _even(xy, strength, source, curves.offsets, curves.kind, curves.closed)
@@ -259,26 +335,27 @@ def _evenly(curves: Curves, scale: float, strength: np.ndarray) -> _Lines:
 def _runs(
     flag: np.ndarray, offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Stretches of equal `flag` (N,) that stay within one curve: run of each point (N,), then start, count and flag
-    of each run (R,)."""
-    if not len(flag):
-        return np.zeros(0, int), np.zeros(0, int), np.zeros(0, int), np.zeros(0, bool)
-    new = np.r_[True, flag[1:] != flag[:-1]]
-    new[offsets[:-1]] = True
-    start = np.flatnonzero(new)
-    return np.cumsum(new) - 1, start, np.diff(np.r_[start, len(flag)]), flag[start]
+    """Find stretches of equal `flag` (N,) that stay within one curve.
+
+    Returns
+    -------
+    the run of each point (N,); start, count and flag of each run (R,)
+    """
+    bounds = runs(flag, owner(offsets))
+    start, count = bounds[:-1], np.diff(bounds)
+    return np.repeat(np.arange(len(start)), count), start, count, flag[start]
 
 
 def _flip_short(flag: np.ndarray, offsets: np.ndarray, value: bool, shorter: float) -> np.ndarray:
-    """Turn runs of `value` that are shorter than `shorter` points and not a whole curve."""
+    """Flip runs of `value` that are shorter than `shorter` points and not a whole curve."""
     run, start, count, is_on = _runs(flag, offsets)
     whole = count == np.diff(offsets)[owner(offsets)[start]]
     turn = (is_on == value) & (count < shorter) & ~whole
     return flag ^ turn[run]
 
 
-def _chords(lines: _Lines, reach: int) -> np.ndarray:
-    """Direction (N, 2) of the chord from `reach` points before to `reach` points after, less near the ends."""
+def _chords(lines: _Lines, reach: int = CHORD_REACH) -> np.ndarray:
+    """Measure the direction (N, 2) from `reach` points before to `reach` behind, less at ends."""
     at = np.arange(len(lines.xy))
     of = owner(lines.offsets)
     d = (
@@ -292,66 +369,92 @@ def _chords(lines: _Lines, reach: int) -> np.ndarray:
 
 
 def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
-    """Without the parts that run beside a better curve."""
+    """Take away the parts that run beside a better curve."""
     if len(lines) < 2:
         return lines
-    of = owner(lines.offsets)
-    soft = _SOFT[lines.kind]
+    soft = _SOFT[lines.kind] | _short_creases(lines, options)
+    radius = max(options.merge, options.merge_soft, options.merge_contour, options.merge_suggestive)
+    winner, loser = _rivals(lines, _ranks(lines, soft), radius)
+    beside = _beside(lines, winner, loser, soft, options)
+    return lines.stretches(~_beaten(lines, winner[beside], loser[beside]))
+
+
+def _short_creases(lines: _Lines, options: TidyOptions) -> np.ndarray:
+    """Tell which curves are creases too short to be trusted, (C,) bool."""
+    return (lines.kind == _CREASE) & (lines.lengths() < options.long_crease)
+
+
+def _ranks(lines: _Lines, soft: np.ndarray) -> np.ndarray:
+    """Rank the curves (C,), the best 0: long hard ones by kind, short hard ones, then soft ones."""
     length = lines.lengths()
-    soft |= (lines.kind == _CREASE) & (length < options.long_crease)
     score = length * np.where(soft, lines.mean_strength(), 1.0) * _WEIGHT[lines.kind]
-    group = np.where(soft, len(KINDS) + 1, np.where(length >= 8.0, lines.kind, len(KINDS)))
+    group = np.where(length >= MIN_HARD, lines.kind, len(KINDS))
+    group = np.where(soft, len(KINDS) + 1, group)
     rank = np.empty(len(lines), np.int64)
     rank[np.lexsort((np.arange(len(lines)), -score, group))] = np.arange(len(lines))
+    return rank
 
-    contour = lines.kind == 0
-    suggestive = lines.kind == _SUGGESTIVE
-    radius = max(options.merge, options.merge_soft, options.merge_contour, options.merge_suggestive)
-    along = np.arange(len(lines.xy)) - lines.first[of]
-    every = np.flatnonzero(along % 2 == 0)  # every second point is asked, and answers for the next
+
+def _rivals(lines: _Lines, rank: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Pair points of different curves within `radius` px: rows of the better and of the worse."""
+    of = owner(lines.offsets)
+    every = np.flatnonzero(lines.along() % 2 == 0)  # every second point answers for the next
     pairs = every[cKDTree(lines.xy[every]).query_pairs(radius, output_type="ndarray")]
     pairs = pairs[of[pairs[:, 0]] != of[pairs[:, 1]]]
     swap = rank[of[pairs[:, 0]]] > rank[of[pairs[:, 1]]]
     winner, loser = np.where(swap[:, None], pairs[:, ::-1], pairs).T
-    direction = _chords(lines, 4)
+    return winner, loser
+
+
+def _beside(
+    lines: _Lines, winner: np.ndarray, loser: np.ndarray, soft: np.ndarray, options: TidyOptions
+) -> np.ndarray:
+    """Tell of which pairs of points (P,) the loser runs beside the winner, (P,) bool.
+
+    `soft` (C,) tells the curves that compete as soft ones.
+    """
+    of = owner(lines.offsets)
+    direction = _chords(lines)
     cosine = np.abs(np.einsum("ij,ij->i", direction[winner], direction[loser]))
     between = lines.xy[winner] - lines.xy[loser]
     distance = np.linalg.norm(between, axis=1)
-    abreast = (
-        np.abs(np.einsum("ij,ij->i", between, direction[winner])) < 1.5 * STEP
-    )  # not ahead of a tip
-    limit = np.where(contour[of[winner]], options.merge_contour, options.merge_soft)
-    same_form = (suggestive[of[winner]] != suggestive[of[loser]]) & ~contour[of[winner]]
+    abreast = np.abs(np.einsum("ij,ij->i", between, direction[winner])) < ABREAST * STEP
+    winner, loser = of[winner], of[loser]
+    contour, suggestive = lines.kind == _CONTOUR, lines.kind == _SUGGESTIVE
+    same_form = (suggestive[winner] != suggestive[loser]) & ~contour[winner]
+    limit = np.where(contour[winner], options.merge_contour, options.merge_soft)
     limit = np.where(same_form, np.maximum(limit, options.merge_suggestive), limit)
-    near = distance <= np.where(soft[of[loser]], limit, options.merge)
-    angle = (
-        np.where(distance > options.merge_soft, np.where(same_form, 0.7, 0.4), 1.0)
-        * options.merge_angle
-    )
-    beside = near & abreast & (cosine > np.cos(np.radians(angle)))
-    winner, loser = winner[beside], loser[beside]
+    near = distance <= np.where(soft[loser], limit, options.merge)
+    narrow = np.where(same_form, SAME_FORM_ANGLE, FAR_ANGLE)
+    angle = np.where(distance > options.merge_soft, narrow, 1.0) * options.merge_angle
+    return near & abreast & (cosine > np.cos(np.radians(angle)))
 
-    # A part that is gone removes nothing itself. Each round settles the curves one rank further down the chains of
-    # curves that compete, so a few rounds do.
+
+def _beaten(lines: _Lines, winner: np.ndarray, loser: np.ndarray) -> np.ndarray:
+    """Settle which points go, (N,) bool, where of each pair (P,) the loser yields to the winner.
+
+    A part that is gone removes nothing itself, so that who loses depends on who lost before. Each
+    round settles the curves one rank further down, and few curves compete in a row.
+    """
+    odd = lines.along()[1:] % 2 == 1
     gone = np.zeros(len(lines.xy), bool)
-    for _ in range(12):
+    for _ in range(MERGE_ROUNDS):
         before = gone
         gone = np.zeros(len(lines.xy), bool)
         gone[loser[~before[winner]]] = True
-        gone[1:] |= gone[:-1] & (along[1:] % 2 == 1)
-        for value, shorter in ((False, 3.0), (True, 4.0), (False, 6.0)):
-            part = _flip_short(gone, lines.offsets, value, shorter / STEP)
-            gone = part
+        gone[1:] |= gone[:-1] & odd
+        for value, shorter in ((False, MAX_HOLE), (True, MAX_NICK), (False, MIN_REMAIN)):
+            gone = _flip_short(gone, lines.offsets, value, shorter / STEP)
         if np.array_equal(gone, before):
             break
-    return lines.runs(~gone)
+    return gone
 
 
 # ---------------------------------------------------------------------------------------------------------- joining
 
 
 def _ends(lines: _Lines, reach: int = 6) -> tuple[np.ndarray, np.ndarray]:
-    """Both ends of every curve, start then end, (2C, 2), and their headings outward, (2C, 2)."""
+    """Find both ends of every curve, start then end, (2C, 2), and their headings out, (2C, 2)."""
     count = np.diff(lines.offsets) - 1
     back = np.minimum(count, reach)
     tip = np.stack([lines.first, lines.last], axis=1).ravel()
@@ -360,131 +463,211 @@ def _ends(lines: _Lines, reach: int = 6) -> tuple[np.ndarray, np.ndarray]:
     return lines.xy[tip], heading / np.maximum(np.linalg.norm(heading, axis=1), 1e-9)[:, None]
 
 
+class _EndPairs(NamedTuple):
+    """Pairs of ends of curves that might be joined; end 2c is the start of curve c, 2c + 1 its end.
+
+    Parameters
+    ----------
+    a, b : (P,) int, the ends
+    gap : (P,) px from one to the other
+    ahead_a, ahead_b : (P,) px, how far along the heading of each the other lies
+    aside : (P,) px, how far beside the heading of either, the greater of both
+    bend : (P,) degrees by which a joined curve would turn
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    gap: np.ndarray
+    ahead_a: np.ndarray
+    ahead_b: np.ndarray
+    aside: np.ndarray
+    bend: np.ndarray
+
+    @property
+    def curve_a(self) -> np.ndarray:
+        return self.a // 2
+
+    @property
+    def curve_b(self) -> np.ndarray:
+        return self.b // 2
+
+    def both(self, flag: np.ndarray) -> np.ndarray:
+        """Tell of which pairs both curves have a flag (C,), (P,) bool."""
+        return flag[self.curve_a] & flag[self.curve_b]
+
+    def take(self, index: np.ndarray) -> _EndPairs:
+        """Select the pairs of a mask over P."""
+        return _EndPairs(*(column[index] for column in self))
+
+
 def _join(lines: _Lines, options: TidyOptions, near: bool) -> _Lines:
-    """Curves joined end to end. `near`: only ends that almost meet."""
-    open_ = np.flatnonzero(~lines.closed)
-    if not len(open_):
+    """Join curves end to end. `near`: only ends that almost meet."""
+    if lines.closed.all():
         return lines
+    reach = MEETING if near else max(options.gap, options.contour_gap)
+    pairs = _end_pairs(lines, reach)
+    if not len(pairs.a):
+        return lines
+    good = _head_on(lines, pairs, options)
+    good &= pairs.gap <= (MEETING if near else _longest_bridge(lines, pairs, options))
+    good &= ~_too_short_to_close(lines, pairs)
+    pairs = pairs.take(good)
+    pairs = pairs.take(_clear(lines, pairs))
+    return _link(lines, _mates(pairs, _cost(lines, pairs, options), 2 * len(lines)))
+
+
+def _end_pairs(lines: _Lines, reach: float) -> _EndPairs:
+    """Pair the ends of open curves within `reach` px, and measure how they lie to each other."""
     tip, heading = _ends(lines)
-    curve = np.arange(len(tip)) // 2
-    candidates = np.flatnonzero(~lines.closed[curve])
-    reach = 4.0 if near else max(options.gap, options.contour_gap)
-    pairs = candidates[cKDTree(tip[candidates]).query_pairs(reach, output_type="ndarray")]
-    if not len(pairs):
-        return lines
-    a, b = pairs.T
-    length, kind = lines.lengths(), lines.kind
-    soft = _SOFT[kind]
-    ca, cb = curve[a], curve[b]
+    ends = np.flatnonzero(~np.repeat(lines.closed, 2))
+    a, b = ends[cKDTree(tip[ends]).query_pairs(reach, output_type="ndarray")].T
     bridge = tip[b] - tip[a]
     gap = np.linalg.norm(bridge, axis=1)
-    along_a, along_b = (
-        np.einsum("ij,ij->i", bridge, heading[a]),
-        -np.einsum("ij,ij->i", bridge, heading[b]),
-    )
-    side_a = np.sqrt(np.maximum(gap**2 - along_a**2, 0.0))
-    side_b = np.sqrt(np.maximum(gap**2 - along_b**2, 0.0))
+    ahead_a = np.einsum("ij,ij->i", bridge, heading[a])
+    ahead_b = -np.einsum("ij,ij->i", bridge, heading[b])
+    side_a = np.sqrt(np.maximum(gap**2 - ahead_a**2, 0.0))
+    side_b = np.sqrt(np.maximum(gap**2 - ahead_b**2, 0.0))
     bend = np.degrees(np.arccos(np.clip(-np.einsum("ij,ij->i", heading[a], heading[b]), -1.0, 1.0)))
-    contours = (kind[ca] == 0) & (kind[cb] == 0)
-    angle = np.where(contours, 1.4, 1.0) * options.angle
-    free = ~_near_others(lines, 3.0)
-    corner = contours & free[a] & free[b] & (along_a > 0.0) & (along_b > 0.0) & (bend < 90.0)
-    slope = np.tan(np.radians(angle))
-    ahead = (along_a > -0.5) & (along_b > -0.5)
-    aside = np.maximum(side_a, side_b)
-    straight = ahead & (
-        aside <= np.where(contours, 2.5, 1.5) + slope * np.minimum(np.abs(along_a), np.abs(along_b))
-    )
-    touching = gap < 2.0
-    overlap = ~ahead & (np.minimum(along_a, along_b) > -6.0) & (aside < 2.0)
-    good = np.where(
-        touching, bend < 60.0, (bend < angle * np.where(gap < 4.0, 1.2, 1.0)) & (straight | overlap)
-    )
-    good |= corner & (gap <= options.gap)
+    return _EndPairs(a, b, gap, ahead_a, ahead_b, np.maximum(side_a, side_b), bend)
+
+
+def _head_on(lines: _Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray:
+    """Tell which pairs of ends go on as one line, by their directions, (P,) bool."""
+    gap, bend, aside = pairs.gap, pairs.bend, pairs.aside
+    contours = pairs.both(lines.kind == _CONTOUR)
+    angle = np.where(contours, CONTOUR_ANGLE, 1.0) * options.angle
+    ahead = (pairs.ahead_a > -BEHIND) & (pairs.ahead_b > -BEHIND)
+    nearer = np.minimum(np.abs(pairs.ahead_a), np.abs(pairs.ahead_b))
+    width = np.where(contours, CONTOUR_ASIDE, ASIDE) + np.tan(np.radians(angle)) * nearer
+    straight = ahead & (aside <= width)
+    past = np.minimum(pairs.ahead_a, pairs.ahead_b)
+    overlap = ~ahead & (past > -OVERLAP) & (aside < OVERLAP_ASIDE)
+    slight = bend < angle * np.where(gap < MEETING, MEETING_ANGLE, 1.0)
+    good = np.where(gap < TOUCHING, bend < TOUCHING_BEND, slight & (straight | overlap))
+    free = ~_near_others(lines, FREE)
+    corner = contours & free[pairs.a] & free[pairs.b] & (past > 0.0) & (bend < CORNER_BEND)
+    return good | (corner & (gap <= options.gap))
+
+
+def _longest_bridge(lines: _Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray:
+    """Bound the gap that each pair may bridge, (P,) px: a short piece no more than its length."""
+    contours = pairs.both(lines.kind == _CONTOUR)
     limit = np.where(contours, options.contour_gap, options.gap)
-    # a short piece does not bridge more than its own length
-    limit = np.minimum(limit, np.maximum(np.minimum(length[ca], length[cb]), 3.0))
-    good &= gap <= np.where(near, 4.0, limit)
-    own = ca == cb
-    good &= ~own | ((a != b) & (length[ca] > 4.0 * np.maximum(gap, 3.0)))
-    mixed = kind[ca] != kind[cb]
-    cost = (
-        gap / options.gap + bend / 30.0 + aside / 4.0 + 0.5 * mixed + 0.5 * (soft[ca] != soft[cb])
+    return np.minimum(limit, np.maximum(_shorter(lines, pairs), MIN_BRIDGE))
+
+
+def _shorter(lines: _Lines, pairs: _EndPairs) -> np.ndarray:
+    """Measure the shorter curve of each pair, (P,) px."""
+    length = lines.lengths()
+    return np.minimum(length[pairs.curve_a], length[pairs.curve_b])
+
+
+def _too_short_to_close(lines: _Lines, pairs: _EndPairs) -> np.ndarray:
+    """Tell which pairs are both ends of one curve too short to be a ring, (P,) bool."""
+    least = MIN_RING * np.maximum(pairs.gap, MIN_BRIDGE)
+    return (pairs.curve_a == pairs.curve_b) & (_shorter(lines, pairs) <= least)
+
+
+def _cost(lines: _Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray:
+    """Weigh how unlikely each pair of ends is one line, (P,)."""
+    a, b = lines.kind[pairs.curve_a], lines.kind[pairs.curve_b]
+    return (
+        pairs.gap / options.gap
+        + pairs.bend / COST_BEND
+        + pairs.aside / COST_ASIDE
+        + COST_KIND * (a != b)
+        + COST_KIND * (_SOFT[a] != _SOFT[b])
     )
-    a, b, gap, cost = a[good], b[good], gap[good], cost[good]
-    if len(a):
-        clear = _clear(lines, tip[a], tip[b], curve[a], curve[b], gap)
-        a, b, cost = a[clear], b[clear], cost[clear]
-    mate = np.full(len(tip), -1)
-    for i in np.lexsort((b, a, cost)):
-        if mate[a[i]] < 0 and mate[b[i]] < 0:
-            mate[a[i]], mate[b[i]] = b[i], a[i]
-    return _link(lines, mate)
 
 
-def _clear(lines: _Lines, start, stop, ca, cb, gap) -> np.ndarray:
-    """Whether the bridge of each pair meets no third hard curve, (P,). Bridges of less than 3 px always do."""
+def _mates(pairs: _EndPairs, cost: np.ndarray, count: int) -> np.ndarray:
+    """Choose the end that each of `count` ends is joined to, cheapest first; -1 for none."""
+    mate = np.full(count, -1)
+    for i in np.lexsort((pairs.b, pairs.a, cost)):
+        a, b = pairs.a[i], pairs.b[i]
+        if mate[a] < 0 and mate[b] < 0:
+            mate[a], mate[b] = b, a
+    return mate
+
+
+def _clear(lines: _Lines, pairs: _EndPairs) -> np.ndarray:
+    """Tell which bridges cross no third hard curve, (P,) bool; short ones never do."""
     hard = ~_SOFT[lines.kind][owner(lines.offsets)]
-    clear = np.ones(len(start), bool)
-    long = np.flatnonzero(gap >= 3.0)
+    clear = np.ones(len(pairs.a), bool)
+    long = np.flatnonzero(pairs.gap >= MIN_BRIDGE)
     if not len(long) or not hard.any():
         return clear
+    tip, _ = _ends(lines)
+    start, stop = tip[pairs.a[long]], tip[pairs.b[long]]
     tree, of = cKDTree(lines.xy[hard]), owner(lines.offsets)[hard]
     t = np.linspace(0.0, 1.0, 14)[1:-1]
-    probe = start[long, None] + t[:, None] * (stop - start)[long, None]
-    _, nearest = tree.query(probe.reshape(-1, 2), k=1, distance_upper_bound=0.8)
+    probe = start[:, None] + t[:, None] * (stop - start)[:, None]
+    _, nearest = tree.query(probe.reshape(-1, 2), k=1, distance_upper_bound=CROSSING)
     found = nearest < len(of)
     other = np.where(found, of[np.minimum(nearest, len(of) - 1)], -1).reshape(len(long), -1)
-    third = (other >= 0) & (other != ca[long, None]) & (other != cb[long, None])
-    clear[long] = ~third.any(axis=1)
+    own = (other == pairs.curve_a[long, None]) | (other == pairs.curve_b[long, None])
+    clear[long] = ~((other >= 0) & ~own).any(axis=1)
     return clear
 
 
 def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
-    """Chains of curves whose ends are paired, (2C,) with -1 for none; each is resampled as one curve."""
+    """Join chains of curves whose ends are paired; each is resampled as one curve.
+
+    `mate` (2C,) is the end that each end is joined to, -1 for none.
+    """
     linked = (mate >= 0).reshape(-1, 2).any(axis=1)
     if not linked.any():
         return lines
-    single = lines.take(~linked)
-    length, used = lines.lengths(), np.zeros(len(lines), bool)
-    made, kind, closed = [], list(single.kind), list(single.closed)
-    # open chains from an end that has no mate, then rings from anywhere
-    curves = np.flatnonzero(linked)
-    starts = [end for c in curves for end in (2 * c, 2 * c + 1) if mate[end] < 0] + [
-        2 * c for c in curves
-    ]
-    count = []
-    for end in starts:
+    single, length = lines.take(~linked), lines.lengths()
+    rows, kind, closed = [], list(single.kind), list(single.closed)
+    for ends, ring in _chains(mate, linked):
+        parts = [np.arange(lines.offsets[e // 2], lines.offsets[e // 2 + 1]) for e in ends]
+        parts = [part[::-1] if e % 2 else part for part, e in zip(parts, ends, strict=True)]
+        joined = np.concatenate(_trimmed(lines.xy, parts, ring)) if len(parts) > 1 else parts[0]
+        rows.append(np.r_[joined, joined[0]] if ring else joined)
+        curves = np.array(ends) // 2
+        kind.append(_joined_kind(lines.kind[curves], length[curves]))
+        closed.append(ring)
+    offsets = np.r_[single.offsets, single.offsets[-1] + np.cumsum([len(row) for row in rows])]
+    row = np.concatenate(rows)
+    return _even(
+        np.concatenate([single.xy, lines.xy[row]]),
+        np.concatenate([single.strength, lines.strength[row]]),
+        np.concatenate([single.source, lines.source[row]]),
+        offsets,
+        np.array(kind),
+        np.array(closed),
+    )
+
+
+def _chains(mate: np.ndarray, linked: np.ndarray) -> Iterator[tuple[list[int], bool]]:
+    """Follow ends from mate to mate; yield the ends where curves are entered, and if it is a ring.
+
+    Open chains begin at an end that has no mate, then rings anywhere.
+    """
+    used = np.zeros(len(linked), bool)
+    starts = np.repeat(2 * np.flatnonzero(linked), 2)
+    starts[1::2] += 1
+    for start in (*starts[mate[starts] < 0], *starts[::2]):
+        ends, end = [], int(start)
         if used[end // 2]:
             continue
-        parts, at, weight = [], end, np.zeros(len(KINDS))
-        while at >= 0 and not used[at // 2]:
-            c = at // 2
-            used[c] = True
-            rows = np.arange(lines.offsets[c], lines.offsets[c + 1])
-            parts.append(rows[::-1] if at % 2 else rows)
-            weight[lines.kind[c]] += length[c]
-            at = mate[at ^ 1]
-        ring = at >= 0
-        rows = np.concatenate(_trimmed(lines.xy, parts, ring)) if len(parts) > 1 else parts[0]
-        if ring:
-            rows = np.r_[rows, rows[0]]
-        made.append(rows)
-        count.append(len(rows))
-        hard = np.where(_SOFT, 0.0, weight)
-        kind.append(int((hard if 3.0 * hard.sum() > weight.sum() else weight).argmax()))
-        closed.append(ring)
-    offsets = np.r_[single.offsets, single.offsets[-1] + np.cumsum(count)]
-    rows = np.concatenate(made)
-    columns = (
-        np.concatenate([getattr(single, name), getattr(lines, name)[rows]])
-        for name in ("xy", "strength", "source")
-    )
-    return _even(*columns, offsets, np.array(kind), np.array(closed))
+        while end >= 0 and not used[end // 2]:
+            used[end // 2] = True
+            ends.append(end)
+            end = int(mate[end ^ 1])
+        yield ends, end >= 0
+
+
+def _joined_kind(kind: np.ndarray, length: np.ndarray) -> int:
+    """Choose the kind with the most length, of the hard ones where these make up a third of it."""
+    weight = np.bincount(kind, length, len(KINDS))
+    hard = np.where(_SOFT, 0.0, weight)
+    return int((hard if 3.0 * hard.sum() > weight.sum() else weight).argmax())
 
 
 def _trimmed(xy: np.ndarray, parts: list[np.ndarray], ring: bool) -> list[np.ndarray]:
-    """Rows of successive parts, without the points at a part's start that lie behind the end of the one before."""
+    """Trim successive parts, rows each, of points at their start that lie behind the one before."""
     out = list(parts)
     for i in range(0 if ring else 1, len(out)):
         before, part = out[i - 1], out[i]
@@ -511,14 +694,14 @@ def _drop(lines: _Lines, options: TidyOptions) -> _Lines:
         axis=1
     )  # the edges of a true solid meet
     soft = _SOFT[lines.kind] | loose
-    crowd = _crowd(lines, (length < 30.0) & (_SOFT[lines.kind] | crease), soft)
-    need = options.soft * (1.0 + crowd / max(options.crowd, 1e-9))
+    crowd = _clutter(lines, (length < 30.0) & (_SOFT[lines.kind] | crease), soft)
+    need = options.soft * (1.0 + crowd / max(options.clutter, 1e-9))
     least = np.array([options.isolated, options.attached * 1.4, options.attached])[attached]
     enough = np.where(soft, length * lines.mean_strength() >= need, length >= least)
     return lines.take(enough & (length >= options.speck))
 
 
-def _crowd(lines: _Lines, short: np.ndarray, asked: np.ndarray) -> np.ndarray:
+def _clutter(lines: _Lines, short: np.ndarray, asked: np.ndarray) -> np.ndarray:
     """Length of other `short` lines (C,) within 24 px of a point of each `asked` line (C,), on average; (C,), px."""
     of = owner(lines.offsets)
     rows, probe = np.flatnonzero(short[of]), np.flatnonzero(asked[of])[::3]
@@ -600,7 +783,7 @@ def _split(lines: _Lines, corner: float, reach: int, apart: int, steady: bool) -
     )
 
 
-def _unhook(lines: _Lines, corner: float) -> _Lines:
+def _trim_hooks(lines: _Lines, corner: float) -> _Lines:
     """Open curves of 24 px and more without a last bit of up to 8 px that turns by more than `corner` degrees."""
     count = np.diff(lines.offsets)
     long = np.flatnonzero(~lines.closed & (count >= 24.0 / STEP))
@@ -618,7 +801,7 @@ def _unhook(lines: _Lines, corner: float) -> _Lines:
             cut, sharpest = np.where(turn > sharpest, k, cut), np.maximum(turn, sharpest)
         for k in range(int(cut.max(initial=0))):
             keep[tip[cut > k] + inward * k] = False
-    return lines if keep.all() else lines.runs(keep)
+    return lines if keep.all() else lines.stretches(keep)
 
 
 def _turns(lines: _Lines, reach: int) -> np.ndarray:
