@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -146,7 +147,13 @@ class _Lines:
     def last(self) -> np.ndarray:
         return self.offsets[1:] - 1
 
-    def lengths(self) -> np.ndarray:
+    @cached_property
+    def of(self) -> np.ndarray:
+        """Tell which curve each point belongs to, (N,)."""
+        return owner(self.offsets)
+
+    @cached_property
+    def length(self) -> np.ndarray:
         """Measure the arc length of each curve, (C,), px."""
         return arc_length(self.xy, self.offsets)[self.last]
 
@@ -158,7 +165,7 @@ class _Lines:
 
     def along(self) -> np.ndarray:
         """Count the points of its curve before each point, (N,)."""
-        return np.arange(len(self.xy)) - np.repeat(self.first, np.diff(self.offsets))
+        return np.arange(len(self.xy)) - self.first[self.of]
 
     def made_of(
         self, rows: np.ndarray, offsets: np.ndarray, kind: np.ndarray, closed: np.ndarray
@@ -179,7 +186,7 @@ class _Lines:
         """
         run, start, count, value = _runs(keep, self.offsets)
         good = value & (count >= 2)
-        of = owner(self.offsets)[start]
+        of = self.of[start]
         whole = count == np.diff(self.offsets)[of]
         offsets = np.r_[0, np.cumsum(count[good])]
         closed = (self.closed[of] & whole)[good]
@@ -276,7 +283,7 @@ def tidy_with_source(
     lines = _split(lines, options.corner, reach=6, apart=11, steady=True)
     lines = _trim_hooks(lines, options.corner)
     lines = _smooth(lines, options)
-    order = np.lexsort((-lines.lengths(), lines.kind))
+    order = np.lexsort((-lines.length, lines.kind))
     lines = lines.take(order)
     return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed), lines.source
 
@@ -322,7 +329,7 @@ def _even(
     xy, offsets, (strength, row) = resample(xy, offsets, STEP, strength, row)
     strength, source = np.clip(strength, 0.0, 1.0), source[np.rint(row).astype(np.int64)]
     lines = _Lines(xy, strength, source, offsets, np.asarray(kind), np.asarray(closed, bool))
-    return lines.take(lines.lengths() > 1e-6) if len(lines) else lines
+    return lines.take(lines.length > 1e-6) if len(lines) else lines
 
 
 def _evenly(curves: Curves, scale: float, strength: np.ndarray) -> _Lines:
@@ -341,7 +348,7 @@ def _runs(
     -------
     the run of each point (N,); start, count and flag of each run (R,)
     """
-    bounds = runs(flag, owner(offsets))
+    bounds = np.union1d(runs(flag), offsets)
     start, count = bounds[:-1], np.diff(bounds)
     return np.repeat(np.arange(len(start)), count), start, count, flag[start]
 
@@ -349,7 +356,7 @@ def _runs(
 def _flip_short(flag: np.ndarray, offsets: np.ndarray, value: bool, shorter: float) -> np.ndarray:
     """Flip runs of `value` that are shorter than `shorter` points and not a whole curve."""
     run, start, count, is_on = _runs(flag, offsets)
-    whole = count == np.diff(offsets)[owner(offsets)[start]]
+    whole = np.isin(start, offsets) & np.isin(start + count, offsets)
     turn = (is_on == value) & (count < shorter) & ~whole
     return flag ^ turn[run]
 
@@ -357,7 +364,7 @@ def _flip_short(flag: np.ndarray, offsets: np.ndarray, value: bool, shorter: flo
 def _chords(lines: _Lines, reach: int = CHORD_REACH) -> np.ndarray:
     """Measure the direction (N, 2) from `reach` points before to `reach` behind, less at ends."""
     at = np.arange(len(lines.xy))
-    of = owner(lines.offsets)
+    of = lines.of
     d = (
         lines.xy[np.minimum(at + reach, lines.last[of])]
         - lines.xy[np.maximum(at - reach, lines.first[of])]
@@ -365,7 +372,7 @@ def _chords(lines: _Lines, reach: int = CHORD_REACH) -> np.ndarray:
     return d / np.maximum(np.linalg.norm(d, axis=1), 1e-9)[:, None]
 
 
-# ---------------------------------------------------------------------------------------------------------- merging
+# ------------------------------------------------------------------------------------------ merging
 
 
 def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
@@ -381,12 +388,12 @@ def _merge(lines: _Lines, options: TidyOptions) -> _Lines:
 
 def _short_creases(lines: _Lines, options: TidyOptions) -> np.ndarray:
     """Tell which curves are creases too short to be trusted, (C,) bool."""
-    return (lines.kind == _CREASE) & (lines.lengths() < options.long_crease)
+    return (lines.kind == _CREASE) & (lines.length < options.long_crease)
 
 
 def _ranks(lines: _Lines, soft: np.ndarray) -> np.ndarray:
     """Rank the curves (C,), the best 0: long hard ones by kind, short hard ones, then soft ones."""
-    length = lines.lengths()
+    length = lines.length
     score = length * np.where(soft, lines.mean_strength(), 1.0) * _WEIGHT[lines.kind]
     group = np.where(length >= MIN_HARD, lines.kind, len(KINDS))
     group = np.where(soft, len(KINDS) + 1, group)
@@ -397,7 +404,7 @@ def _ranks(lines: _Lines, soft: np.ndarray) -> np.ndarray:
 
 def _rivals(lines: _Lines, rank: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Pair points of different curves within `radius` px: rows of the better and of the worse."""
-    of = owner(lines.offsets)
+    of = lines.of
     every = np.flatnonzero(lines.along() % 2 == 0)  # every second point answers for the next
     pairs = every[cKDTree(lines.xy[every]).query_pairs(radius, output_type="ndarray")]
     pairs = pairs[of[pairs[:, 0]] != of[pairs[:, 1]]]
@@ -413,7 +420,7 @@ def _beside(
 
     `soft` (C,) tells the curves that compete as soft ones.
     """
-    of = owner(lines.offsets)
+    of = lines.of
     direction = _chords(lines)
     cosine = np.abs(np.einsum("ij,ij->i", direction[winner], direction[loser]))
     between = lines.xy[winner] - lines.xy[loser]
@@ -450,7 +457,7 @@ def _beaten(lines: _Lines, winner: np.ndarray, loser: np.ndarray) -> np.ndarray:
     return gone
 
 
-# ---------------------------------------------------------------------------------------------------------- joining
+# ------------------------------------------------------------------------------------------ joining
 
 
 def _ends(lines: _Lines, reach: int = 6) -> tuple[np.ndarray, np.ndarray]:
@@ -558,7 +565,7 @@ def _longest_bridge(lines: _Lines, pairs: _EndPairs, options: TidyOptions) -> np
 
 def _shorter(lines: _Lines, pairs: _EndPairs) -> np.ndarray:
     """Measure the shorter curve of each pair, (P,) px."""
-    length = lines.lengths()
+    length = lines.length
     return np.minimum(length[pairs.curve_a], length[pairs.curve_b])
 
 
@@ -592,14 +599,14 @@ def _mates(pairs: _EndPairs, cost: np.ndarray, count: int) -> np.ndarray:
 
 def _clear(lines: _Lines, pairs: _EndPairs) -> np.ndarray:
     """Tell which bridges cross no third hard curve, (P,) bool; short ones never do."""
-    hard = ~_SOFT[lines.kind][owner(lines.offsets)]
+    hard = ~_SOFT[lines.kind][lines.of]
     clear = np.ones(len(pairs.a), bool)
     long = np.flatnonzero(pairs.gap >= MIN_BRIDGE)
     if not len(long) or not hard.any():
         return clear
     tip, _ = _ends(lines)
     start, stop = tip[pairs.a[long]], tip[pairs.b[long]]
-    tree, of = cKDTree(lines.xy[hard]), owner(lines.offsets)[hard]
+    tree, of = cKDTree(lines.xy[hard]), lines.of[hard]
     t = np.linspace(0.0, 1.0, 14)[1:-1]
     probe = start[:, None] + t[:, None] * (stop - start)[:, None]
     _, nearest = tree.query(probe.reshape(-1, 2), k=1, distance_upper_bound=CROSSING)
@@ -615,10 +622,10 @@ def _link(lines: _Lines, mate: np.ndarray) -> _Lines:
 
     `mate` (2C,) is the end that each end is joined to, -1 for none.
     """
-    linked = (mate >= 0).reshape(-1, 2).any(axis=1)
+    linked = (mate[::2] >= 0) | (mate[1::2] >= 0)
     if not linked.any():
         return lines
-    single, length = lines.take(~linked), lines.lengths()
+    single, length = lines.take(~linked), lines.length
     rows, kind, closed = [], list(single.kind), list(single.closed)
     for ends, ring in _chains(mate, linked):
         parts = [np.arange(lines.offsets[e // 2], lines.offsets[e // 2 + 1]) for e in ends]
@@ -680,46 +687,49 @@ def _trimmed(xy: np.ndarray, parts: list[np.ndarray], ring: bool) -> list[np.nda
     return out
 
 
-# --------------------------------------------------------------------------------------------------------- dropping
+# ----------------------------------------------------------------------------------------- dropping
 
 
 def _drop(lines: _Lines, options: TidyOptions) -> _Lines:
-    """Without specks and noise."""
+    """Drop specks and noise."""
     if not len(lines):
         return lines
-    length = lines.lengths()
-    attached = _near_others(lines, 6.0).reshape(-1, 2).sum(axis=1) * ~lines.closed
-    crease = (lines.kind == _CREASE) & (length < options.long_crease)
-    loose = crease & ~_near_others(lines, 2.5).reshape(-1, 2).all(
-        axis=1
-    )  # the edges of a true solid meet
+    length = lines.length
+    attached = _near_others(lines, ATTACHED).reshape(-1, 2).sum(axis=1) * ~lines.closed
+    crease = _short_creases(lines, options)
+    loose = crease & ~_near_others(lines, LOOSE).reshape(-1, 2).all(axis=1)
     soft = _SOFT[lines.kind] | loose
-    crowd = _clutter(lines, (length < 30.0) & (_SOFT[lines.kind] | crease), soft)
-    need = options.soft * (1.0 + crowd / max(options.clutter, 1e-9))
-    least = np.array([options.isolated, options.attached * 1.4, options.attached])[attached]
+    noise = (length < CLUTTER_LENGTH) & (_SOFT[lines.kind] | crease)
+    need = options.soft * (1.0 + _clutter(lines, noise, soft) / max(options.clutter, 1e-9))
+    least = np.array([options.isolated, options.attached * ONE_END, options.attached])[attached]
     enough = np.where(soft, length * lines.mean_strength() >= need, length >= least)
     return lines.take(enough & (length >= options.speck))
 
 
 def _clutter(lines: _Lines, short: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Length of other `short` lines (C,) within 24 px of a point of each `asked` line (C,), on average; (C,), px."""
-    of = owner(lines.offsets)
+    """Measure the length of other `short` lines around each `asked` line, (C,) px.
+
+    That is the length within CLUTTER_RADIUS of a point of the line, on average over its points.
+    `short` and `asked` are (C,) bool.
+    """
+    of = lines.of
     rows, probe = np.flatnonzero(short[of]), np.flatnonzero(asked[of])[::3]
     if not len(rows) or not len(probe):
         return np.zeros(len(lines))
-    count = (
-        cKDTree(lines.xy[rows]).query_ball_point(lines.xy[probe], 24.0, return_length=True) * STEP
-    )
+    tree = cKDTree(lines.xy[rows])
+    count = tree.query_ball_point(lines.xy[probe], CLUTTER_RADIUS, return_length=True) * STEP
     hits = np.bincount(of[probe], minlength=len(lines))
     mean = np.bincount(of[probe], count, len(lines)) / np.maximum(hits, 1)
-    return np.maximum(mean - np.where(short, np.minimum(lines.lengths(), 24.0), 0.0), 0.0)
+    own = np.where(short, np.minimum(lines.length, CLUTTER_RADIUS), 0.0)
+    return np.maximum(mean - own, 0.0)
 
 
 def _near_others(lines: _Lines, radius: float) -> np.ndarray:
-    """Whether each end, start then end of every curve, lies within `radius` px of another curve, (2C,)."""
+    """Tell which ends, start then end of every curve, lie within `radius` px of another, (2C,)."""
     tip, _ = _ends(lines)
-    tree, of = cKDTree(lines.xy), owner(lines.offsets)
-    # a curve has hardly more than 2 radius points of its own so near to its tip; the next nearest are others
+    tree, of = cKDTree(lines.xy), lines.of
+    # a curve has hardly more than 2 radius points of its own so near to its tip; the next nearest
+    # are others
     k = min(int(2.0 * radius / STEP) + 4, len(lines.xy))
     distance, nearest = tree.query(tip, k=k, distance_upper_bound=radius)
     distance, nearest = distance.reshape(len(tip), -1), nearest.reshape(len(tip), -1)
@@ -727,115 +737,141 @@ def _near_others(lines: _Lines, radius: float) -> np.ndarray:
     return ((distance < np.inf) & other).any(axis=1)
 
 
-# -------------------------------------------------------------------------------------------- splitting, smoothing
+# ----------------------------------------------------------------------------- splitting, smoothing
 
 
 def _split(lines: _Lines, corner: float, reach: int, apart: int, steady: bool) -> _Lines:
-    """Cut at corners of more than `corner` degrees within `reach` points either side, at least `apart` points from each
-    other and from the ends. `steady`: not where the stroke turns back soon after.
+    """Cut curves at corners of more than `corner` degrees within `reach` points either side.
 
-    Closed curves without a corner start at their topmost point, the leftmost of them; others are cut at the corners.
+    Corners are at least `apart` points from each other and from the ends. `steady`: not where the
+    stroke turns back soon after. Closed curves without a corner start at their topmost point, the
+    leftmost of them; others are cut at the corners.
     """
     if not len(lines):
         return lines
-    of = owner(lines.offsets)
     turn = _turns(lines, reach)
     if steady:
-        turn = np.where(_turns(lines, 2 * reach) > 0.75 * corner, turn, 0.0)
-    along = np.arange(len(lines.xy)) - lines.first[of]
+        turn = np.where(_turns(lines, 2 * reach) > STEADY * corner, turn, 0.0)
+    cut = _corners(lines, turn, corner, apart)
+    order = _restart_rings(lines, cut)
+    cut = cut[order]
+    opened = lines.closed & cut[lines.first]
+    cut[lines.first] = cut[lines.last] = False
+    rows = np.repeat(np.arange(len(order)), 1 + cut)  # a corner belongs to both strokes
+    starts = np.flatnonzero(np.r_[True, rows[1:] == rows[:-1]] | np.isin(rows, lines.first))
+    parent = lines.of[rows[starts]]
+    closed = (lines.closed & ~opened)[parent]
+    return lines.made_of(order[rows], np.r_[starts, len(rows)], lines.kind[parent], closed)
+
+
+def _corners(lines: _Lines, turn: np.ndarray, corner: float, apart: int) -> np.ndarray:
+    """Choose the points where curves turn most, (N,) bool, `apart` points from each other and ends.
+
+    `turn` (N,) is the angle at each point, degrees; those of more than `corner` count.
+    """
+    of, along = lines.of, lines.along()
     count = np.diff(lines.offsets)[of] - 1
-    turn[~lines.closed[of] & (np.minimum(along, count - along) < apart)] = 0.0
+    near_end = np.minimum(along, count - along) < apart
+    turn = np.where(near_end & ~lines.closed[of], 0.0, turn)
     turn[lines.last[lines.closed]] = 0.0  # the same point as the first
     cut = np.zeros(len(lines.xy), bool)
     sharp = np.flatnonzero(turn > corner)
     for i in sharp[np.lexsort((sharp, -turn[sharp]))]:  # the sharpest of each corner's points
-        lo, hi = i - apart + 1, i + apart
         if lines.closed[of[i]]:
-            rows = lines.first[of[i]] + np.arange(along[i] - apart + 1, along[i] + apart) % count[i]
-            cut[i] = not cut[rows].any()
+            around = np.arange(along[i] - apart + 1, along[i] + apart) % count[i]
+            cut[i] = not cut[lines.first[of[i]] + around].any()
         else:
-            cut[i] = not cut[max(lo, 0) : hi].any()
+            cut[i] = not cut[max(i - apart + 1, 0) : i + apart].any()
+    return cut
 
+
+def _restart_rings(lines: _Lines, cut: np.ndarray) -> np.ndarray:
+    """Order the rows (N,) so that closed curves start at a corner, or else at their topmost point.
+
+    `cut` (N,) bool tells the corners.
+    """
     order = np.arange(len(lines.xy))
-    open_again = np.zeros(len(lines), bool)
     for c in np.flatnonzero(lines.closed):
-        rows = order[lines.offsets[c] : lines.offsets[c + 1] - 1]
+        rows = np.arange(lines.offsets[c], lines.offsets[c + 1] - 1)
         corners = np.flatnonzero(cut[rows])
-        p = lines.xy[rows]
-        start = corners[0] if len(corners) else np.lexsort((p[:, 0], p[:, 1]))[0]
+        x, y = lines.xy[rows].T
+        start = corners[0] if len(corners) else np.lexsort((x, y))[0]
         rows = np.roll(rows, -start)
         order[lines.offsets[c] : lines.offsets[c + 1]] = np.r_[rows, rows[0]]
-        open_again[c] = len(corners) > 0
-    cut = cut[order]
-    cut[lines.first] = cut[lines.last] = False
-    rows = np.repeat(np.arange(len(order)), 1 + cut)  # a corner belongs to both strokes
-    starts = np.flatnonzero(np.r_[True, rows[1:] == rows[:-1]] | np.isin(rows, lines.first))
-    parent = of[rows[starts]]
-    rows = order[rows]
-    closed = (lines.closed & ~open_again)[parent]
-    return _Lines(
-        lines.xy[rows],
-        lines.strength[rows],
-        lines.source[rows],
-        np.r_[starts, len(rows)],
-        lines.kind[parent],
-        closed,
-    )
+    return order
 
 
 def _trim_hooks(lines: _Lines, corner: float) -> _Lines:
-    """Open curves of 24 px and more without a last bit of up to 8 px that turns by more than `corner` degrees."""
+    """Trim the last bit of open curves where it turns by more than `corner` degrees.
+
+    That is up to MAX_HOOK px, of curves of MIN_HOOKED px and more.
+    """
     count = np.diff(lines.offsets)
-    long = np.flatnonzero(~lines.closed & (count >= 24.0 / STEP))
+    long = np.flatnonzero(~lines.closed & (count >= MIN_HOOKED / STEP))
     keep = np.ones(len(lines.xy), bool)
     for tip, inward in ((lines.first[long], 1), (lines.last[long], -1)):
-        sharpest, cut = np.full(len(long), corner), np.zeros(len(long), np.int64)
-        for k in range(2, int(8.0 / STEP) + 1):
-            at = tip + inward * k
-            u, v = lines.xy[at] - lines.xy[at + inward * 6], lines.xy[tip] - lines.xy[at]
-            turn = np.degrees(
-                np.abs(
-                    np.arctan2(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], np.einsum("ij,ij->i", u, v))
-                )
-            )
-            cut, sharpest = np.where(turn > sharpest, k, cut), np.maximum(turn, sharpest)
+        cut = _hook_lengths(lines.xy, tip, inward, corner)
         for k in range(int(cut.max(initial=0))):
             keep[tip[cut > k] + inward * k] = False
     return lines if keep.all() else lines.stretches(keep)
 
 
+def _hook_lengths(xy: np.ndarray, tip: np.ndarray, inward: int, corner: float) -> np.ndarray:
+    """Count the points of the hook at each tip (T,): up to its sharpest turn, 0 for no hook.
+
+    `inward` is the step from row to row away from the tips: 1 or -1.
+    """
+    sharpest, cut = np.full(len(tip), corner), np.zeros(len(tip), np.int64)
+    for k in range(2, int(MAX_HOOK / STEP) + 1):
+        at = tip + inward * k
+        turn = _angle(xy[at] - xy[at + inward * 6], xy[tip] - xy[at])
+        cut, sharpest = np.where(turn > sharpest, k, cut), np.maximum(turn, sharpest)
+    return cut
+
+
+def _angle(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Measure the angle between vectors (N, 2), degrees, (N,)."""
+    cross, dot = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], np.einsum("ij,ij->i", u, v)
+    return np.degrees(np.abs(np.arctan2(cross, dot)))
+
+
 def _turns(lines: _Lines, reach: int) -> np.ndarray:
-    """Angle between the chords to `reach` points before and after each point, degrees, (N,); 0 where there are none."""
-    of = owner(lines.offsets)
+    """Measure the angle between the chords to `reach` points before and after each point, (N,).
+
+    In degrees, 0 where there are no such points.
+    """
+    of = lines.of
     first, last, at = lines.first[of], lines.last[of], np.arange(len(lines.xy))
     before, after = np.maximum(at - reach, first), np.minimum(at + reach, last)
     ring = np.flatnonzero(lines.closed[of])
     size = np.maximum(last - first, 1)[ring]
     before[ring] = first[ring] + (at[ring] - first[ring] - reach) % size
     after[ring] = first[ring] + (at[ring] - first[ring] + reach) % size
-    u, v = lines.xy - lines.xy[before], lines.xy[after] - lines.xy
-    cross, dot = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0], np.einsum("ij,ij->i", u, v)
-    return np.degrees(np.abs(np.arctan2(cross, dot)))
+    return _angle(lines.xy - lines.xy[before], lines.xy[after] - lines.xy)
 
 
 def _smooth(lines: _Lines, options: TidyOptions) -> _Lines:
-    """Mesh zig-zag averaged away along the curve by a Gaussian, moves limited; ends of open curves stay."""
+    """Average mesh zig-zag away along curves by a Gaussian; moves are limited, ends stay."""
     if not len(lines):
         return lines
-    of = owner(lines.offsets)
-    soft = _SOFT[lines.kind][of]
-    before, after = np.arange(len(lines.xy)) - 1, np.arange(len(lines.xy)) + 1
-    fixed = np.zeros(len(lines.xy), bool)
-    fixed[lines.first[~lines.closed]] = fixed[lines.last[~lines.closed]] = True
-    before[lines.first], after[lines.last] = lines.first, lines.last
-    ring = lines.closed
-    before[lines.first[ring]], after[lines.last[ring]] = lines.last[ring] - 1, lines.first[ring] + 1
-    limit = np.where(soft, options.smooth_soft, options.smooth)
+    soft = _SOFT[lines.kind][lines.of]
+    before, after, fixed = _neighbours(lines)
     xy = lines.xy
-    for i in range(24):
-        moves = ~fixed & (soft | (i < 6))
+    for i in range(SMOOTH_ROUNDS_SOFT):
+        moves = ~fixed & (soft | (i < SMOOTH_ROUNDS))
         xy = np.where(moves[:, None], 0.5 * xy + 0.25 * (xy[before] + xy[after]), xy)
+    limit = np.where(soft, options.smooth_soft, options.smooth)
     shift = xy - lines.xy
     size = np.linalg.norm(shift, axis=1)
     shift *= np.minimum(1.0, limit / np.maximum(size, 1e-9))[:, None]
     return replace(lines, xy=lines.xy + shift)
+
+
+def _neighbours(lines: _Lines) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the rows before and after each point, round closed curves; and which are open ends."""
+    rows, ring = np.arange(len(lines.xy)), lines.closed
+    before, after, fixed = rows - 1, rows + 1, np.zeros(len(rows), bool)
+    fixed[lines.first[~ring]] = fixed[lines.last[~ring]] = True
+    before[lines.first], after[lines.last] = lines.first, lines.last
+    before[lines.first[ring]], after[lines.last[ring]] = lines.last[ring] - 1, lines.first[ring] + 1
+    return before, after, fixed
