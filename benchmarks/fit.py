@@ -122,7 +122,7 @@ def render_stages(model, *meshes):
     from strokestyle.extract.rays import Bvh
     from strokestyle.extract.tidy import tidy
     from strokestyle.extract.view import View
-    from strokestyle.extract.visible import visible_fragments
+    from strokestyle.extract.visible import look_along
     from strokestyle.geometry.curves import DEFAULT_SPACING, resample_curves
     from strokestyle.mesh.surface import load_surface
     from strokestyle.render.style_file import load_style
@@ -137,8 +137,9 @@ def render_stages(model, *meshes):
         surface = load_surface(mesh)
         lap()
         camera, scene = fit_camera(surface.vertices, "three-quarter"), Bvh(surface)
-        lines = visible_fragments(surface, camera, feature_curves(surface, camera), scene)
-        curves = resample_curves(tidy(*lines, size=(camera.width, camera.height)), DEFAULT_SPACING)
+        seen = look_along(surface, camera, feature_curves(surface, camera), scene).fragments()
+        size = (camera.width, camera.height)
+        curves = resample_curves(tidy(seen.curves, seen.strength, size=size), DEFAULT_SPACING)
         lap()
         view = View(camera, curves, feature_maps(surface, camera, curves, scene))
         lap()

@@ -11,7 +11,7 @@ from strokestyle.extract.lines import feature_curves
 from strokestyle.extract.pipeline import extract_view
 from strokestyle.extract.rays import Bvh
 from strokestyle.extract.segments import intersection_segments
-from strokestyle.extract.visible import visible_fragments
+from strokestyle.extract.visible import look_along
 from strokestyle.geometry.curves import KINDS
 from strokestyle.mesh.surface import make_surface
 
@@ -118,10 +118,9 @@ def test_a_circle_is_seen_where_it_faces_the_eye():
     share = []
     for eye in ((60.0, 0.0, 0.0), (-60.0, 0.0, 0.0), (0.0, 0.0, 60.0)):
         camera = Camera(eye, (0, 0, 0), (0, 1, 0), 1.5, 512, 512)
-        fragments, _ = visible_fragments(
-            surface, camera, feature_curves(surface, camera, ONLY), scene
-        )
-        share.append(fragments.lengths().sum() * 60.0 / camera.focal / circle)
+        lines = feature_curves(surface, camera, ONLY)
+        curves = look_along(surface, camera, lines, scene).fragments().curves
+        share.append(curves.lengths().sum() * 60.0 / camera.focal / circle)
     # from the small sphere's side half of it would be seen at the rim; here it is behind the small sphere's widest part
     assert share[0] < 0.01 and share[1] < 0.01
     assert abs(share[2] - 1.0 / np.pi) < 0.01  # edge on: a line as long as the circle is wide

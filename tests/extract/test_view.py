@@ -26,7 +26,7 @@ from strokestyle.extract.pipeline import extract_view, faces_of, view_of_curves,
 from strokestyle.extract.rays import Bvh
 from strokestyle.extract.view import View
 from strokestyle.extract.view_file import load_view, save_view, view_to_json
-from strokestyle.extract.visible import visible_fragments
+from strokestyle.extract.visible import Fragments, look_along
 from strokestyle.geometry.curves import KINDS, Curves, arc_length, clip
 from strokestyle.geometry.parts import Parts, part_name
 from strokestyle.mesh.surface import make_surface
@@ -242,7 +242,8 @@ def test_a_cube_shows_nine_edges():
     surface = make_surface(CUBE, CUBE_FACES)
     camera = fit_camera(surface.vertices, width=300, height=300)
     lines = feature_curves(surface, camera, LineOptions(kinds=("crease",)))
-    fragments, strength = visible_fragments(surface, camera, lines, Bvh(surface))
+    seen = look_along(surface, camera, lines, Bvh(surface)).fragments()
+    fragments, strength = seen.curves, seen.strength
     assert strength.shape == (len(fragments.xy),) and (strength == 1).all()
     corners, _ = camera.project(surface.vertices)
     edges = np.argwhere(np.triu(np.linalg.norm(CUBE[:, None] - CUBE, axis=2) < 1.01, 1))
@@ -274,7 +275,7 @@ def bent_beam(n=8):
     return make_surface(vertices, np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]]))
 
 
-def test_creases_have_no_echoes():
+def test_creases_are_not_drawn_twice():
     """Vertex normals mix the two sides of a crease, and suggestive contours and valleys would run beside it."""
     surface = bent_beam()
     lines = feature_curves(surface, fit_camera(surface.vertices), LineOptions(kinds=("crease",)))
@@ -290,7 +291,7 @@ def test_lines_end_at_the_edge_of_the_canvas():
     for zoom in (8.0, 25.0):
         camera = replace(whole, fov_y=whole.fov_y / zoom, target=surface.vertices[7])
         lines = feature_curves(surface, camera, LineOptions(kinds=("crease",)))
-        fragments, _ = visible_fragments(surface, camera, lines, Bvh(surface))
+        fragments = look_along(surface, camera, lines, Bvh(surface)).fragments().curves
         assert fragments.xy.min() >= 0 and fragments.xy.max() <= 200
         ends = np.concatenate(
             [fragments.xy[fragments.offsets[:-1]], fragments.xy[fragments.offsets[1:] - 1]]
@@ -309,7 +310,7 @@ def test_an_eye_close_by_asks_for_no_more_points():
         eye, eye + [0.3, 0.2, -1e-6], [0, 1, 0], 90, 200, 200
     )  # along the face, a hair above it
     lines = feature_curves(surface, camera, LineOptions(kinds=("crease",)))
-    fragments, _ = visible_fragments(surface, camera, lines, Bvh(surface))
+    fragments = look_along(surface, camera, lines, Bvh(surface)).fragments().curves
     assert len(fragments.xy) < 5000 and np.isfinite(fragments.xy).all()
 
 
@@ -356,9 +357,8 @@ def test_hidden_parts_complete_the_visible_ones():
     options = LineOptions(kinds=("contour", "suggestive"))
     view = extract_view(surface, camera, options, hidden=True)
     assert {KINDS[kind] for kind in view.hidden.kind} == {"contour"}
-    fragments, _ = visible_fragments(
-        surface, camera, feature_curves(surface, camera, options), Bvh(surface)
-    )
+    lines = feature_curves(surface, camera, options)
+    fragments = look_along(surface, camera, lines, Bvh(surface)).fragments().curves
     whole = feature_curves(surface, camera, LineOptions(kinds=("contour",)))
     xy, _ = camera.project(whole.points(surface))
     total = arc_length(xy, whole.offsets)[whole.offsets[1:] - 1].sum()
@@ -684,8 +684,12 @@ def test_a_point_belongs_to_the_face_that_its_source_lies_on():
     beside = Curves.from_list([line, line + [0, 2], line + [0, 20]], [0, 2, 2])
     source = np.array([3, 50, 100, 0])
     curves = Curves.from_list([line[:4]], [0])
-    assert faces_of(surface, curves, beside, face, source).tolist() == [4, 5, 6, 4]
-    none = faces_of(surface, Curves.empty(), beside, face, np.zeros(0, np.int64))
+    assert faces_of(
+        surface, curves, Fragments(beside, np.ones(len(face)), face), source
+    ).tolist() == [4, 5, 6, 4]
+    none = faces_of(
+        surface, Curves.empty(), Fragments(beside, np.ones(len(face)), face), np.zeros(0, np.int64)
+    )
     assert none.shape == (0,)
 
 
@@ -697,13 +701,13 @@ def test_a_short_stretch_of_an_intersection_goes_with_what_it_is_chained_to():
     chain, rows = np.concatenate([line[::3], line[::3] + [40, 0]]), np.r_[0:40:3, 40:80:3]
     both = Curves.from_list([chain, line + [0, 20], line + [40, 0], chain[::-1]], [0, 7, 7, 0])
     source = np.concatenate([rows, np.arange(80, 120), np.arange(40, 80), rows[::-1]])
-    found = faces_of(surface, both, crossing, face, source)
+    found = faces_of(surface, both, Fragments(crossing, np.ones(len(face)), face), source)
     each = [set(found[a:b]) for a, b in zip(both.offsets[:-1], both.offsets[1:], strict=True)]
     assert each == [{4}, {6}, {5}, {4}]  # alone, it keeps its own face
     long = np.stack([np.arange(40.0, 100.0), np.full(60, 10.0)], axis=1)
     one = Curves.from_list([np.concatenate([line, long])], [0])
     pieces, face = Curves.from_list([line, long], [0, 7]), np.repeat([4, 5], [40, 60])
-    found = faces_of(surface, one, pieces, face, np.arange(100))
+    found = faces_of(surface, one, Fragments(pieces, np.ones(len(face)), face), np.arange(100))
     assert set(found[:40]) == {4} and set(found[40:]) == {5}
 
 

@@ -93,7 +93,7 @@ class Detail(click.ParamType):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, float]:
-        from ..extract.line_options import LEAST_DETAIL, MOST_DETAIL
+        from ..extract.line_options import MAX_DETAIL, MIN_DETAIL
 
         if isinstance(value, tuple):
             return value
@@ -107,10 +107,8 @@ class Detail(click.ParamType):
                 param,
                 ctx,
             )
-        if not all(LEAST_DETAIL <= detail <= MOST_DETAIL for detail in (low, high)):
-            self.fail(
-                f"{value}: detail lies between {LEAST_DETAIL:g} and {MOST_DETAIL:g}", param, ctx
-            )
+        if not all(MIN_DETAIL <= detail <= MAX_DETAIL for detail in (low, high)):
+            self.fail(f"{value}: detail lies between {MIN_DETAIL:g} and {MAX_DETAIL:g}", param, ctx)
         if high < low:
             self.fail(
                 f"{value}: a range of detail runs from LOW to HIGH: {high:g}..{low:g}", param, ctx

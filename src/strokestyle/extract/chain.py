@@ -65,7 +65,7 @@ def chain_segments(
 
 
 def _join_ends(node: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Find for each end, named `node` (2S,), the end of another segment that goes on from it, or -1.
+    """Find for each end, named `node` (2S,), the end of a segment that goes on from it, or -1.
 
     `points` (S, 2, 3) are the ends in space.
     """

@@ -9,29 +9,36 @@ import numpy as np
 from ..geometry.kinds import SOFT_KINDS, SURFACE_KINDS
 from ..mesh.surface import DEFAULT_CREASE
 
-LEAST_DETAIL, MOST_DETAIL = 0.1, 10.0  # see LineOptions.detailed
+MIN_DETAIL, MAX_DETAIL = 0.1, 10.0  # see LineOptions.detailed
 
 
 @dataclass(frozen=True)
 class LineOptions:
-    """Which lines to draw, and from what strength on. Thresholds are in units of the feature size F.
+    """Which lines to draw, and from what strength on.
+
+    Thresholds are in units of the feature size F, a length; see `Surface.feature_size`.
 
     Parameters
     ----------
     kinds : names out of SURFACE_KINDS
-    suggestive : least derivative of radial curvature along the view over n.v, times F^2 (DeCarlo 2003)
+    suggestive : least derivative of radial curvature along the view over n.v, times F^2 (DeCarlo
+        2003)
     ridge, valley : least principal curvature, times F (Ohtake 2004)
     apparent : least view-dependent curvature (Judd 2007), times F^2
-    sharpness : least -k'' / k^3 across a ridge or valley: how fast its curvature falls off to either side. At the tip
-        of a conic it is 3 times the squared eccentricity: less than 3 on a limb, whose section is an ellipse, more on
-        a rounded edge between two flanks, a hyperbola. Lines fade from the given value to half of it.
+    sharpness : least -k'' / k^3 across a ridge or valley: how fast its curvature falls off to
+        either side. At the tip of a conic it is 3 times the squared eccentricity: less than 3 on a
+        limb, whose section is an ellipse, more on a rounded edge between two flanks, a hyperbola.
+        Lines fade from the given value to half of it.
     crease : least angle between the faces at a crease, degrees
-    smooth : length, in longest sides of the shape, over which normals and curvatures are smoothed for the soft kinds
-        (suggestive, ridge, valley, apparent); contours need the mesh's own normals, or they leave its silhouette
-    hysteresis : strength (0..1) that a suggestive contour, ridge, valley or apparent ridge must reach somewhere;
-        the rest of it may be as weak as its threshold. 0 keeps all.
-    follow : such a line is followed on to where it falls below its threshold and sharpness divided by this; 1 or more
-    trim : leave out contours and apparent ridges that cannot be seen because of how a closed surface faces there
+    smooth : length, in longest sides of the shape, over which normals and curvatures are smoothed
+        for the soft kinds (suggestive, ridge, valley, apparent); contours need the mesh's own
+        normals, or they leave its silhouette
+    hysteresis : strength (0..1) that a suggestive contour, ridge, valley or apparent ridge must
+        reach somewhere; the rest of it may be as weak as its threshold. 0 keeps all.
+    follow : such a line is followed on to where it falls below its threshold and sharpness divided
+        by this; 1 or more
+    trim : leave out contours and apparent ridges that cannot be seen because of how a closed
+        surface faces there
 
     Raises
     ------
@@ -81,16 +88,22 @@ class LineOptions:
             )
 
     def detailed(self, low: float, high: float | None = None) -> LineOptions:
-        """These options for more (above 1) or fewer (below 1) soft lines: the lines of detail `low`, each followed as
-        far as it would be drawn at detail `high`, by default the same.
+        """Change these options for more (above 1) or fewer (below 1) soft lines.
 
-        A detail divides all thresholds of soft lines and the smoothing.
+        They give the lines of detail `low`, each followed as far as it would be drawn at detail
+        `high`, by default the same. A detail divides all thresholds of soft lines, and the
+        smoothing.
+
+        Raises
+        ------
+        ValueError
+            on a detail outside MIN_DETAIL..MAX_DETAIL, or `high` below `low`.
         """
         high = low if high is None else high
         for detail in (low, high):
-            if not (np.isfinite(detail) and LEAST_DETAIL <= detail <= MOST_DETAIL):
+            if not (np.isfinite(detail) and MIN_DETAIL <= detail <= MAX_DETAIL):
                 raise ValueError(
-                    f"detail must lie between {LEAST_DETAIL:g} and {MOST_DETAIL:g} "
+                    f"detail must lie between {MIN_DETAIL:g} and {MAX_DETAIL:g} "
                     f"(1 for the thresholds as they are), got {detail}"
                 )
         if high < low:
@@ -100,6 +113,6 @@ class LineOptions:
         return replace(self, **scaled, hysteresis=hysteresis, follow=self.follow * high / low)
 
     def followed(self) -> LineOptions:
-        """What the weakest part of a soft line must still be, with `follow` worked into the thresholds."""
+        """Change these options to what the weakest part of a soft line that is followed must be."""
         weaker = {name: getattr(self, name) / self.follow for name in (*SOFT_KINDS, "sharpness")}
         return replace(self, **weaker, follow=1.0, hysteresis=0.0)

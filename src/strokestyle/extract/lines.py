@@ -67,7 +67,7 @@ class SurfaceLines:
     def split_from(
         self, camera: Camera, unseen: bool = False
     ) -> tuple[SurfaceCurves, SurfaceCurves]:
-        """Find the lines of `seen_from`, and apart from them the contours and creases left out there.
+        """Find the lines of `seen_from`, and apart from them the contours and creases it leaves out.
 
         The second are chained where `unseen` is set; the shape hides them however one looks.
         """
@@ -96,7 +96,7 @@ class SurfaceLines:
 
     @cached_property
     def smoothed(self) -> Surface:
-        """The surface that soft lines are read off: normals and curvatures smoothed, vertices kept."""
+        """The surface that soft lines are read off: smoothed in all but its vertices."""
         length = self.options.smooth
         if not length > 0.0:
             return self.surface
@@ -109,7 +109,7 @@ class SurfaceLines:
 
     @cached_property
     def fixed(self) -> SurfaceCurves:
-        """The lines that do not depend on the camera: boundaries, ridges, valleys, intersections."""
+        """The lines that no camera changes: boundaries, ridges, valleys, intersections."""
         up = np.array([0.0, 1.0, 0.0])
         parts = []
         for kind, find in _SURFACE_KINDS.items():
@@ -119,12 +119,12 @@ class SurfaceLines:
 
     @cached_property
     def trust(self) -> np.ndarray:
-        """(V,) in 0..1, how far curvature may be believed at each vertex; see `trust_in_shape`."""
+        """How far curvature may be believed at each vertex, (V,) in 0..1; see `trust_in_shape`."""
         return trust_in_shape(self.surface)
 
     @cached_property
     def near_creases(self) -> np.ndarray:
-        """(F,) bool, within DUPLICATE_FACES faces of a crease that is not cut.
+        """Faces within DUPLICATE_FACES of a crease that is not cut, (F,) bool.
 
         Creases of fewer than DUPLICATE_EDGES edges are as often the noise of a scan, and do not
         count.
@@ -153,7 +153,7 @@ class SurfaceLines:
     def _chained(
         self, kind: str, find: Callable[[LineOptions], Segments], up: np.ndarray
     ) -> SurfaceCurves:
-        """The lines of one kind, chained from the segments that `find` gives for some options.
+        """Chain the lines of one kind from the segments that `find` gives for some options.
 
         A soft line must reach `options.hysteresis` somewhere. To follow it on, it is found a second
         time by weaker thresholds; of those lines the ones are kept that pass through a face of the
@@ -171,12 +171,12 @@ class SurfaceLines:
         return followed.take(np.logical_or.reduceat(start[followed.face], followed.offsets[:-1]))
 
     def _trusted(self, segments: Segments) -> Segments:
-        """Segments of soft lines, weaker where the mesh's triangles are slivers."""
+        """Weaken segments of soft lines where the mesh's triangles are slivers."""
         trust = values_at_ends(self.surface, segments, self.trust)
         return replace(segments, strength=segments.strength * trust)
 
     def _facing(self, view: ViewFields) -> SurfaceCurves:
-        """The fixed lines less the ridges and valleys that face away all along, on closed surfaces."""
+        """Take the fixed lines less the ridges and valleys of closed surfaces that face away."""
         curves = self.fixed
         if not len(curves):
             return curves
@@ -186,7 +186,7 @@ class SurfaceLines:
         return curves.take(~soft | (np.add.reduceat(seen, curves.offsets[:-1]) > 0))
 
     def _without_duplicates(self, curves: SurfaceCurves) -> SurfaceCurves:
-        """Lines less the parts of soft ones near a crease over which normals run.
+        """Leave out the parts of soft lines near a crease over which normals run.
 
         There normals and curvatures mix both sides of the crease, and would draw it a second time
         beside itself.
@@ -203,7 +203,7 @@ def feature_curves(
 
 
 def trust_in_shape(surface: Surface) -> np.ndarray:
-    """How far curvature may be believed at each vertex, (V,).
+    """Measure how far curvature may be believed at each vertex, (V,) in 0..1.
 
     Curvature is read off differences along all sides of a face, and means little where some are
     many times shorter than others, as on the flanks of a machine part: 0 where the faces around a

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,13 +29,11 @@ from .lines import SurfaceLines
 from .rays import Bvh
 from .tidy import subtract_parallel, tidy_with_source
 from .view import View
-from .visible import look_along
+from .visible import Fragments, SampledLines, look_along
 
 LOOSE = 50.0  # px, an intersection that is shorter may go with the lines that it is chained to
-RIM = (
-    1.5,
-    5.0,
-)  # px round a point of a line from elsewhere, in which the shape is sought that it was drawn for
+# px round a point of a line from elsewhere, in which the shape is sought that it was drawn for
+RIM = (1.5, 5.0)
 
 
 def extract_view(
@@ -45,7 +44,7 @@ def extract_view(
     hidden: bool = False,
     lines: SurfaceLines | None = None,
 ) -> View:
-    """Draw a surface plainly: feature curves, hidden parts cut away, tidied, evenly spaced; and the feature maps.
+    """Draw a surface plainly: find its feature curves, look, tidy, resample, make maps and parts.
 
     Parameters
     ----------
@@ -61,32 +60,55 @@ def extract_view(
         where `lines` are those of another surface, or other lines than `options` ask for.
     """
     lines = _lines_of(surface, options, lines)
-    size = (camera.width, camera.height)
     found, unseen = lines.split_from(camera, hidden)
     sight = look_along(surface, camera, found, lines.bvh)
-    fragments, strength, face = sight.fragments(found, sight.seen)
-    strokes, of_fragment = tidy_with_source(fragments, strength, size)
-    curves, of_stroke = resample_with_source(strokes, spacing)
-    faces = faces_of(surface, curves, fragments, face, of_fragment[of_stroke])
-    behind, hidden_faces = Curves.empty(), None
+    seen = _tidied(surface, camera, sight.fragments(), spacing)
+    behind = _Tidied(Curves.empty(), Curves.empty(), None)
     if hidden:
-        hard = is_kind(found.kind, HARD_KINDS)[sight.line]
-        away = look_along(surface, camera, unseen, None)
-        parts = sight.fragments(found, sight.hidden & hard), away.fragments(unseen, away.hidden)
-        whole = Curves.concatenate([curves for curves, _, _ in parts])
-        face = np.concatenate([face for _, _, face in parts])
-        apart, of_whole = subtract_parallel(whole, strokes, size)
-        strokes, of_apart = tidy_with_source(apart, np.ones(len(apart.xy)), size)
-        behind, of_stroke = resample_with_source(strokes, spacing)
-        hidden_faces = faces_of(surface, behind, whole, face, of_whole[of_apart[of_stroke]])
-    view = View(camera, curves, feature_maps(surface, camera, curves, lines.bvh), behind)
-    return _with_parts(view, surface, faces, hidden_faces)
+        away = _hidden_fragments(sight, look_along(surface, camera, unseen, None))
+        apart = _apart_from(seen.strokes, away, camera)
+        behind = _tidied(surface, camera, apart, spacing)
+    maps = feature_maps(surface, camera, seen.curves, lines.bvh)
+    view = View(camera, seen.curves, maps, behind.curves)
+    return _with_parts(view, surface, seen.faces, behind.faces)
+
+
+class _Tidied(NamedTuple):
+    """Curves of a view: tidied; the same evenly spaced; and the face of each of their N points."""
+
+    strokes: Curves
+    curves: Curves
+    faces: np.ndarray | None
+
+
+def _tidied(surface: Surface, camera: Camera, fragments: Fragments, spacing: float) -> _Tidied:
+    """Tidy fragments, space their points evenly, and tell the faces that these belong to."""
+    size = (camera.width, camera.height)
+    strokes, of_fragment = tidy_with_source(fragments.curves, fragments.strength, size)
+    curves, of_stroke = resample_with_source(strokes, spacing)
+    faces = faces_of(surface, curves, fragments, of_fragment[of_stroke])
+    return _Tidied(strokes, curves, faces)
+
+
+def _hidden_fragments(found: SampledLines, unseen: SampledLines) -> Fragments:
+    """Cut out what is hidden of the hard lines found, and of those that are never seen."""
+    hard = is_kind(found.lines.kind, HARD_KINDS)[found.line]
+    return Fragments.concatenate(
+        found.fragments(found.hidden & hard), unseen.fragments(unseen.hidden)
+    )
+
+
+def _apart_from(strokes: Curves, fragments: Fragments, camera: Camera) -> Fragments:
+    """Leave out of hidden fragments what runs along strokes that are drawn; all are strong."""
+    size = (camera.width, camera.height)
+    apart, source = subtract_parallel(fragments.curves, strokes, size)
+    return Fragments(apart, np.ones(len(apart.xy)), fragments.face[source])
 
 
 def _lines_of(
     surface: Surface, options: LineOptions | None, lines: SurfaceLines | None
 ) -> SurfaceLines:
-    """The lines given, where they are those that are asked for; else new ones."""
+    """Choose the lines given, where they are those that are asked for; else new ones."""
     if lines is None:
         return SurfaceLines(surface, options or LineOptions())
     if lines.surface is not surface or options not in (None, lines.options):
@@ -128,89 +150,121 @@ def view_of_lines(
     values = np.ones((len(names), height, width), np.float32)
     values[len(NEURAL_STROKES_MAPS) : -1] = 0.0
     values[-1] = plain_raster(curves, width, height)
-    camera = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 30.0, width, height)
+    maps = FeatureMaps(names, values, np.zeros((height, width), bool))
+    eye, target, up = np.array([0.0, 0.0, 2.0]), np.zeros(3), np.array([0.0, 1.0, 0.0])
+    camera = Camera(eye, target, up, 30.0, width, height)
     of_points = None if parts is None else parts.take(source[owner(curves.offsets)])
-    return View(
-        camera, curves, FeatureMaps(names, values, np.zeros((height, width), bool)), parts=of_points
-    )
+    return View(camera, curves, maps, parts=of_points)
 
 
 def _with_parts(
     view: View, surface: Surface, faces: np.ndarray | None, hidden_faces: np.ndarray | None = None
 ) -> View:
-    """The view with the parts of its curves' points, which lie on `faces` (N,), -1 where they lie on none.
+    """Give a view the parts of its curves' points, which lie on `faces` (N,), or on none at -1.
 
-    Parts are put in order by the mean depth of their visible lines, so that of two that meet the nearer is painted
-    last.
+    Parts are put in order by the mean depth of their visible lines, so that of two that meet the
+    nearer is painted last.
     """
     if faces is None:
         return view
+    names, of_part = _named_parts(surface)
+    # the last is for faces at -1
+    of_face = np.r_[of_part[surface.part], -1]
+    index = of_face[faces]
+    order = _far_to_near(index, view.at_curves(["depth"])[:, 0], len(names))
+    place = np.r_[np.argsort(order), -1]  # of -1 it is -1
+    ordered = tuple(names[i] for i in order)
+    behind = None
+    if len(view.hidden) and hidden_faces is not None:
+        behind = Parts(ordered, place[of_face[hidden_faces]])
+    return replace(view, parts=Parts(ordered, place[index]), hidden_parts=behind)
+
+
+def _named_parts(surface: Surface) -> tuple[list[str], np.ndarray]:
+    """Collect the names of a surface's parts, and which of them each part has; -1 for none."""
     name = [part_name(text) for text in surface.part_names]
     names = [text for text in dict.fromkeys(name) if text]
     number = {text: i for i, text in enumerate(names)} | {"": -1}
-    of_part = np.array([number[text] for text in name])
-    hidden_faces = np.zeros(0, np.int64) if hidden_faces is None else hidden_faces
-    index, hidden = (np.where(f < 0, -1, of_part[surface.part[f]]) for f in (faces, hidden_faces))
-    depth = view.at_curves(["depth"])[:, 0]
-    count, total = (np.bincount(index + 1, weight, len(names) + 1)[1:] for weight in (None, depth))
-    order = np.argsort(-np.where(count > 0, total / np.maximum(count, 1), np.inf), kind="stable")
-    place = np.r_[np.argsort(order), -1]  # of -1 it is -1
-    parts, behind = (Parts(tuple(names[i] for i in order), place[rows]) for rows in (index, hidden))
-    return replace(view, parts=parts, hidden_parts=behind if len(view.hidden) else None)
+    return names, np.array([number[text] for text in name])
+
+
+def _far_to_near(index: np.ndarray, depth: np.ndarray, count: int) -> np.ndarray:
+    """Order `count` parts by the mean depth of the points of each, the farthest first.
+
+    `index` (N,) is the part of each point, -1 for none. Parts without points come before others.
+    """
+    points, total = (np.bincount(index + 1, weight, count + 1)[1:] for weight in (None, depth))
+    mean = np.where(points > 0, total / np.maximum(points, 1), np.inf)
+    return np.argsort(-mean, kind="stable")
 
 
 def _has_parts(surface: Surface) -> bool:
+    """Tell whether a surface has parts of different names."""
     return len(surface.part_names) > 1 and len({part_name(text) for text in surface.part_names}) > 1
 
 
 def faces_of(
-    surface: Surface, curves: Curves, fragments: Curves, face: np.ndarray, source: np.ndarray
+    surface: Surface, curves: Curves, fragments: Fragments, source: np.ndarray
 ) -> np.ndarray | None:
-    """Tell the face (N,) that each point of curves belongs to, which comes from row `source` of fragments.
+    """Tell the face (N,) that each point of curves belongs to, which comes from row `source` (N,).
 
-    The points of fragments lie on `face` (M,). An intersection is of two parts, so that a stretch
-    of it shorter than LOOSE goes with the rest of a curve that it is chained to. None where faces
-    tell nothing.
+    Rows are those of fragments. An intersection is of two parts, so that a stretch of it shorter
+    than LOOSE goes with the rest of a curve that it is chained to. None where faces tell nothing.
     """
     if not _has_parts(surface):
         return None
     if not len(curves):
         return np.full(0, -1)
-    crossing = is_kind(fragments.kind, ("intersection",))[owner(fragments.offsets)]
+    of_fragment = owner(fragments.curves.offsets)
+    crossing = is_kind(fragments.curves.kind, ("intersection",))[of_fragment]
     loose, curve = crossing[source], owner(curves.offsets)
     start, along = runs(loose, curve), arc_length(curves.xy, curves.offsets)
     short = along[start[1:] - 1] - along[start[:-1]] < LOOSE
     loose = loose & np.repeat(short, np.diff(start))
-    here, firm = np.arange(len(source)), np.flatnonzero(~loose)
+    return fragments.face[source[_nearest_firm(loose, curve)]]
+
+
+def _nearest_firm(loose: np.ndarray, curve: np.ndarray) -> np.ndarray:
+    """Find for each point the nearest on its curve that is not loose, (N,); itself if none is.
+
+    `loose` : (N,) bool; `curve` : (N,) int, the curve that each point is on
+    """
+    here, firm = np.arange(len(loose)), np.flatnonzero(~loose)
     if not len(firm):
-        return face[source]
+        return here
     after = np.searchsorted(firm, here)
     # the firm points before and after each point
     sides = firm[np.clip([after - 1, after], 0, len(firm) - 1)]
-    away = np.where(curve[sides] == curve, np.abs(sides - here), len(source))
+    away = np.where(curve[sides] == curve, np.abs(sides - here), len(here))
     nearest = np.where(away[0] <= away[1], *sides)
-    return face[source[np.where(away.min(axis=0) < len(source), nearest, here)]]
+    return np.where(away.min(axis=0) < len(here), nearest, here)
 
 
 def _faces_in_front(
-    surface: Surface, camera: Camera, xy: np.ndarray, scene: Bvh
+    surface: Surface, camera: Camera, xy: np.ndarray, bvh: Bvh
 ) -> np.ndarray | None:
-    """The face (N,) nearest to the eye round each of some pixels (N, 2), -1 where there is none; None as above.
+    """Find the face (N,) nearest to the eye round each of some pixels (N, 2), -1 if none is.
 
-    A line may lie on the rim of what is in front, and a little off it.
+    A line may lie on the rim of what is in front, and a little off it. None where faces tell
+    nothing.
     """
     if not _has_parts(surface):
         return None
     found = np.full(len(xy), -1)
     angle = np.arange(8) * (np.pi / 4)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    right, down, forward = camera.axes
+    spots = np.concatenate([[[0.0, 0.0]], ring])  # the middle and 8 round it
     for radius in RIM:
         lost = np.flatnonzero(found < 0)
-        at = xy[lost, None] + radius * np.concatenate([[[0.0, 0.0]], ring])  # (n, 9, 2)
-        x, y = np.moveaxis(at - [0.5 * camera.width, 0.5 * camera.height], -1, 0)
-        rays = x[..., None] * right + y[..., None] * down + camera.focal * forward
-        hits = scene.first_hit(camera.eye, rays.astype(np.float32).reshape(-1, 3))
+        rays = _rays_through(camera, xy[lost, None] + radius * spots)  # (n, 9, 3)
+        hits = bvh.first_hit(camera.eye, rays.astype(np.float32).reshape(-1, 3))
         nearest = hits.distance.reshape(-1, 9).argmin(axis=1)[:, None]
         found[lost] = np.take_along_axis(hits.face.reshape(len(lost), 9), nearest, 1)[:, 0]
     return found
+
+
+def _rays_through(camera: Camera, xy: np.ndarray) -> np.ndarray:
+    """Point rays from the eye through pixels (..., 2), (..., 3); of no set length."""
+    right, down, forward = camera.axes
+    x, y = np.moveaxis(xy - [0.5 * camera.width, 0.5 * camera.height], -1, 0)
+    return x[..., None] * right + y[..., None] * down + camera.focal * forward

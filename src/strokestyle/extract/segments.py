@@ -157,7 +157,7 @@ def _keep_positive(
 
 
 def _zero_along(value: np.ndarray) -> np.ndarray:
-    """Find where linear functions, given at 0 and 1 (S, 2), are zero, (S,); 1 if nowhere between."""
+    """Find where linear functions, given at 0 and 1 (S, 2), are zero, (S,); 1 if not between."""
     a, b = value.T
     crosses = (a >= 0.0) != (b >= 0.0)
     return np.where(crosses, a / np.where(crosses, a - b, 1.0), 1.0)

@@ -21,7 +21,8 @@ class SurfaceCurves:
     offsets : (C+1,) int64, curve i is rows offsets[i]:offsets[i+1], at least two
     kind : (C,) int8, index into curves.KINDS
     closed : (C,) bool; a closed curve repeats its first point as its last
-    strength : (N,) float64 in 0..1, how far above its threshold the line is there; 1 for contours, creases, boundaries
+    strength : (N,) float64 in 0..1, how far above its threshold the line is there; 1 for contours,
+        creases and boundaries
 
     Raises
     ------
@@ -51,7 +52,8 @@ class SurfaceCurves:
         count = len(offsets) - 1
         if kind.shape != (count,) or closed.shape != (count,):
             raise ValueError(
-                f"SurfaceCurves.kind and .closed must have shape ({count},), got {kind.shape} and {closed.shape}"
+                f"SurfaceCurves.kind and .closed must have shape ({count},), "
+                f"got {kind.shape} and {closed.shape}"
             )
         if count and not (0 <= kind.min() and kind.max() < len(KINDS)):
             raise ValueError(f"SurfaceCurves.kind must lie in 0..{len(KINDS) - 1}")
@@ -67,10 +69,13 @@ class SurfaceCurves:
 
     @classmethod
     def empty(cls) -> SurfaceCurves:
-        return cls(np.zeros(0), np.zeros((0, 3)), [0], np.zeros(0), np.zeros(0), np.zeros(0))
+        """Make no curves."""
+        none = np.zeros(0)
+        return cls(none, np.zeros((0, 3)), np.zeros(1, np.int64), none, none, none)
 
     @classmethod
     def concatenate(cls, parts: list[SurfaceCurves]) -> SurfaceCurves:
+        """Put curves of one surface one after the other."""
         if not parts:
             return cls.empty()
         counts = np.concatenate([np.diff(part.offsets) for part in parts])
@@ -81,8 +86,8 @@ class SurfaceCurves:
         face, bary, kind, closed, strength = columns
         return cls(face, bary, np.r_[0, np.cumsum(counts)], kind, closed, strength)
 
-    def take(self, index) -> SurfaceCurves:
-        """The curves of an index or mask over C, in that order."""
+    def take(self, index: np.ndarray) -> SurfaceCurves:
+        """Take the curves of an index or mask over C, in that order."""
         index = np.arange(len(self))[np.asarray(index)]
         rows, offsets = take_ragged(self.offsets, index)
         return SurfaceCurves(
@@ -95,7 +100,7 @@ class SurfaceCurves:
         )
 
     def where(self, keep: np.ndarray) -> SurfaceCurves:
-        """The stretches of two or more kept points, `keep` (N,) bool; a closed curve opens where cut."""
+        """Cut out stretches of two or more kept points, `keep` (N,) bool; cut loops are open."""
         if keep.all():
             return self
         line = owner(self.offsets)
@@ -110,17 +115,21 @@ class SurfaceCurves:
         )
 
     def points(self, surface: Surface) -> np.ndarray:
-        """Points in space, (N, 3)."""
+        """Place the points in space, (N, 3)."""
         return self.interpolate(surface, surface.vertices)
 
     def interpolate(self, surface: Surface, values: np.ndarray) -> np.ndarray:
-        """Per-vertex values (V,) or (V, k) -> the same at every point, (N,) or (N, k)."""
+        """Interpolate per-vertex values (V,) or (V, k) at every point, (N,) or (N, k)."""
         return interpolate_on_faces(surface, self.face, self.bary, values)
 
 
 def interpolate_on_faces(
     surface: Surface, face: np.ndarray, bary: np.ndarray, values: np.ndarray
 ) -> np.ndarray:
-    return np.einsum(
-        "...i,...ik->...k", bary, values.reshape(len(values), -1)[surface.faces[face]]
-    ).reshape(bary.shape[:-1] + values.shape[1:])
+    """Interpolate per-vertex values (V,) or (V, k) at places in faces, (...,) or (..., k).
+
+    `face` : (...) int; `bary` : (..., 3), weights of its corners
+    """
+    columns = values.reshape(len(values), -1)
+    found = np.einsum("...i,...ik->...k", bary, columns[surface.faces[face]])
+    return found.reshape(bary.shape[:-1] + values.shape[1:])

@@ -23,7 +23,7 @@ def fit_turntable_camera(
     height: int = DEFAULT_SIZE,
     up: str = "y",
 ) -> Camera:
-    """The camera of a named view from which all `vertices` (V, 3) are seen however they are turned.
+    """Place a named view's camera where all `vertices` (V, 3) are seen however they are turned.
 
     The distance is one for all pictures of the turn, so that the shape does not change its size.
     Arguments and errors are those of `fit_camera`.
@@ -52,7 +52,10 @@ def turntable(
     spacing : px between the points of the curves
     lines : the lines of this surface and these options, where there are some already
 
-    Raises ValueError where `count` is less than 1.
+    Raises
+    ------
+    ValueError
+        where `count` is less than 1.
     """
     if count < 1:
         raise ValueError(f"a turntable has 1 picture or more, got {count}")

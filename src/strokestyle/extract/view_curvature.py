@@ -1,4 +1,4 @@
-"""Differential geometry of a surface as an eye sees it, per vertex."""
+"""Measure the curvature of a surface as an eye sees it, per vertex."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..mesh.surface import Surface
+from ..mesh.triangles import row_dot
 
 
 @dataclass(frozen=True)
@@ -25,26 +26,29 @@ class ViewFields:
 
     @classmethod
     def of(cls, surface: Surface, eye: np.ndarray) -> ViewFields:
+        """Look at a surface from an eye (3,), in the surface's own frame."""
         to_eye = eye - surface.vertices
-        to_eye /= np.maximum(np.sqrt(np.einsum("ij,ij->i", to_eye, to_eye)), 1e-30)[:, None]
+        to_eye /= np.maximum(np.sqrt(row_dot(to_eye, to_eye)), 1e-30)[:, None]
         return cls(
-            *(
-                np.einsum("ij,ij->i", to_eye, axis)
-                for axis in (surface.normals, surface.pdir1, surface.pdir2)
-            )
+            row_dot(to_eye, surface.normals),
+            row_dot(to_eye, surface.pdir1),
+            row_dot(to_eye, surface.pdir2),
         )
 
     def radial_curvature(self, surface: Surface) -> np.ndarray:
-        """Normal curvature along the projected view direction, times the square of that projection's length, (V,).
+        """Measure the radial curvature, times the squared length of the projected view, (V,).
 
-        The factor keeps it finite and smooth where the view is along the normal; its zeros are those of kr.
+        The radial curvature kr of DeCarlo et al. 2003 is the normal curvature along the projected
+        view direction. The factor keeps it finite and smooth where the view is along the normal, and
+        leaves its zeros where they are.
         """
         return surface.k1 * self.u**2 + surface.k2 * self.v**2
 
     def radial_derivative(self, surface: Surface) -> np.ndarray:
-        """Derivative of the radial curvature along the projected view direction, times that projection's length, (V,).
+        """Differentiate the radial curvature along the projected view direction, (V,).
 
-        DeCarlo 2003, with the derivative tensor of Rusinkiewicz 2004: C(w, w, w) + 2 n.v tau^2 in rtsc's signs.
+        It is taken times that projection's length. DeCarlo et al. 2003, with the derivative tensor
+        C of Rusinkiewicz 2004: C(w, w, w) + 2 n.v tau^2 in rtsc's signs.
         """
         u, v = self.u, self.v
         square = np.maximum(u * u + v * v, 1e-12)
@@ -54,21 +58,27 @@ class ViewFields:
         return cubic - 2.0 * self.n_dot_v * torsion**2
 
     def view_curvature(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-        """Judd 2007: largest squared singular value (V,) of the curvature seen in the image, and its direction in
-        the tangent plane, world coordinates (V, 3)."""
-        square = self.u**2 + self.v**2
-        stretch = (1.0 / np.maximum(np.abs(self.n_dot_v), 1e-6) - 1.0) / np.maximum(square, 1e-12)
-        stretch = np.where(square > 1e-12, stretch, 0.0)
-        uu, uv, vv = stretch * self.u**2, stretch * self.u * self.v, stretch * self.v**2
-        # Q = S P^-1: P^-1 stretches by 1 / n.v along the projected view direction
-        q11, q12, q21, q22 = (
-            surface.k1 * (1.0 + uu),
-            surface.k1 * uv,
-            surface.k2 * uv,
-            surface.k2 * (1.0 + vv),
-        )
+        """Measure the largest squared curvature seen in the image, (V,), and its direction, (V, 3).
+
+        It is the largest squared singular value of Judd et al. 2007's view-dependent curvature
+        Q = S P^-1, where S is the shape operator and P projects to the image: P^-1 stretches by
+        1 / n.v along the projected view direction. The direction lies in the tangent plane, in
+        world coordinates.
+        """
+        q11, q12, q21, q22 = self._seen_curvature(surface)
         a, b, c = q11**2 + q21**2, q11 * q12 + q21 * q22, q12**2 + q22**2  # Q'Q
         largest = 0.5 * (a + c) + np.sqrt(b**2 + 0.25 * (a - c) ** 2)
         angle = 0.5 * np.arctan2(2.0 * b, a - c)
         direction = np.cos(angle)[:, None] * surface.pdir1 + np.sin(angle)[:, None] * surface.pdir2
         return largest, direction
+
+    def _seen_curvature(
+        self, surface: Surface
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Work out Q of `view_curvature` in the principal directions, row by row, (V,) each."""
+        square = self.u**2 + self.v**2
+        stretch = (1.0 / np.maximum(np.abs(self.n_dot_v), 1e-6) - 1.0) / np.maximum(square, 1e-12)
+        stretch = np.where(square > 1e-12, stretch, 0.0)
+        uu, uv, vv = stretch * self.u**2, stretch * self.u * self.v, stretch * self.v**2
+        k1, k2 = surface.k1, surface.k2
+        return k1 * (1.0 + uu), k1 * uv, k2 * uv, k2 * (1.0 + vv)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.curves import Curves, counting, is_kind, owner, take_ragged
+from ..geometry.curves import Curves, counting, is_kind, owner, runs, take_ragged
 from ..geometry.kinds import SHARP_KINDS
 from ..mesh.surface import Surface
 from .camera import Camera
@@ -15,17 +15,32 @@ from .surface_curves import SurfaceCurves
 
 SAMPLE = 1.0  # px between the points at which a line is asked whether it is seen
 FLICKER = 2.5  # px
+CANVAS_SLACK = 1e-6  # px that a point on the very edge of the canvas may lie outside
 
 
-def visible_fragments(
-    surface: Surface, camera: Camera, lines: SurfaceCurves, scene: Bvh
-) -> tuple[Curves, np.ndarray]:
-    """The parts of lines on a surface that the camera sees, and the strength of each of their points (N,).
+@dataclass(frozen=True)
+class Fragments:
+    """Stretches of lines on the canvas.
 
-    Lines are sampled every SAMPLE px. What is seen or hidden over less than FLICKER px takes after its surroundings.
+    Parameters
+    ----------
+    curves : N points, in pixels
+    strength : (N,) in 0..1
+    face : (N,) int, the face that each point lies on
     """
-    sight = look_along(surface, camera, lines, scene)
-    return sight.fragments(lines, sight.seen)[:2]
+
+    curves: Curves
+    strength: np.ndarray
+    face: np.ndarray
+
+    @classmethod
+    def concatenate(cls, *parts: Fragments) -> Fragments:
+        """Put fragments one after the other."""
+        return cls(
+            Curves.concatenate([part.curves for part in parts]),
+            np.concatenate([part.strength for part in parts]),
+            np.concatenate([part.face for part in parts]),
+        )
 
 
 @dataclass(frozen=True)
@@ -34,6 +49,7 @@ class SampledLines:
 
     Parameters
     ----------
+    lines : C lines on the surface
     xy : (M, 2) pixels, on the canvas
     strength : (M,)
     face : (M,) int, the face that each point lies on
@@ -41,6 +57,7 @@ class SampledLines:
     inside, seen : (M,) bool, on the canvas; and not behind the surface
     """
 
+    lines: SurfaceCurves
     xy: np.ndarray
     strength: np.ndarray
     face: np.ndarray
@@ -50,25 +67,23 @@ class SampledLines:
 
     @property
     def hidden(self) -> np.ndarray:
-        """(M,) bool, on the canvas and behind the surface."""
+        """Tell which points are on the canvas and behind the surface, (M,) bool."""
         return self.inside & ~self.seen
 
-    def fragments(
-        self, lines: SurfaceCurves, wanted: np.ndarray
-    ) -> tuple[Curves, np.ndarray, np.ndarray]:
-        """The stretches of `wanted` (M,) points as curves, and the strength and the face of their points."""
+    def fragments(self, wanted: np.ndarray | None = None) -> Fragments:
+        """Cut out stretches of two or more points `wanted`, (M,) bool; by default those seen."""
+        wanted = self.seen if wanted is None else wanted
         if not len(self.line):
-            return Curves.empty(), np.zeros(0), np.zeros(0, np.int64)
-        new = np.flatnonzero(
-            np.r_[True, (wanted[1:] != wanted[:-1]) | (self.line[1:] != self.line[:-1])]
-        )
-        end = np.r_[new[1:], len(wanted)]
-        good = wanted[new] & (end - new >= 2)
-        rows, offsets = take_ragged(np.r_[new, len(wanted)], np.flatnonzero(good))
-        kept = self.line[new[good]]
-        whole = (end - new)[good] == np.bincount(self.line, minlength=len(lines))[kept]
-        curves = Curves(self.xy[rows], offsets, lines.kind[kept], lines.closed[kept] & whole)
-        return curves, self.strength[rows], self.face[rows]
+            return Fragments(Curves.empty(), np.zeros(0), np.zeros(0, np.int64))
+        start = runs(wanted, self.line)
+        count = np.diff(start)
+        good = np.flatnonzero(wanted[start[:-1]] & (count >= 2))
+        rows, offsets = take_ragged(start, good)
+        kept = self.line[start[good]]
+        whole = count[good] == np.bincount(self.line, minlength=len(self.lines))[kept]
+        closed = self.lines.closed[kept] & whole
+        curves = Curves(self.xy[rows], offsets, self.lines.kind[kept], closed)
+        return Fragments(curves, self.strength[rows], self.face[rows])
 
 
 def look_along(
@@ -81,50 +96,45 @@ def look_along(
     """
     if not len(lines):
         none, no = np.zeros(0, np.int64), np.zeros(0, bool)
-        return SampledLines(np.zeros((0, 2)), np.zeros(0), none, none, no, no)
+        return SampledLines(lines, np.zeros((0, 2)), np.zeros(0), none, none, no, no)
     points = lines.points(surface)
-    start, t = _nodes(points, lines.offsets, camera)
-    line = owner(lines.offsets)[start]
-    after = np.minimum(start + 1, lines.offsets[1:][line] - 1)
-    node = points[start] + t[:, None] * (points[after] - points[start])
-    strength = lines.strength[start] + t * (lines.strength[after] - lines.strength[start])
-    xy, depth = camera.project(node)
-    low, high = -1e-6, np.array([camera.width, camera.height]) + 1e-6
-    inside = (depth > 0.0) & ((xy >= low) & (xy <= high)).all(axis=1)
-    xy, face = np.clip(xy, 0.0, [camera.width, camera.height]), lines.face[start]
-    seen = np.zeros(len(line), bool)
+    row, t = _sample_places(points, lines.offsets, camera)
+    line = owner(lines.offsets)[row]
+    after = np.minimum(row + 1, lines.offsets[1:][line] - 1)
+    node = points[row] + t[:, None] * (points[after] - points[row])
+    strength = lines.strength[row] + t * (lines.strength[after] - lines.strength[row])
+    xy, inside = _on_canvas(node, camera)
+    face, seen = lines.face[row], np.zeros(len(line), bool)
     if bvh is not None:
         ask, sharp = np.flatnonzero(inside), is_kind(lines.kind, SHARP_KINDS)[line]
         seen[ask] = bvh.seen(camera.eye, face[ask], node[ask], sharp[ask])
-        step = np.r_[0.0, np.hypot(*np.diff(xy, axis=0).T)]
-        for state in (False, True):  # first mend short gaps, then drop short sightings
-            seen = _without_short_runs(seen, line, step, state)
-    return SampledLines(xy, strength, face, line, inside, seen)
+        seen = _without_flicker(seen, line, xy)
+    return SampledLines(lines, xy, strength, face, line, inside, seen)
 
 
-def _nodes(
+def _on_canvas(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Project points (M, 3) to pixels (M, 2) on the canvas, and tell which lie there, (M,) bool."""
+    xy, depth = camera.project(points)
+    size = np.array([camera.width, camera.height])
+    within = (xy >= -CANVAS_SLACK) & (xy <= size + CANVAS_SLACK)
+    return np.clip(xy, 0.0, size), (depth > 0.0) & within.all(axis=1)
+
+
+def _sample_places(
     points: np.ndarray, offsets: np.ndarray, camera: Camera
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where along polylines in space (N, 3) to look: row (M,) and t (M,), the point row + t of the way to row + 1.
+    """Choose where along polylines in space (N, 3) to look: at every row, and SAMPLE px apart.
 
-    Every row, then points SAMPLE px apart as far as the canvas reaches, its very edge included.
+    Returns rows (M,) int and t (M,): the points row + t of the way to row + 1. They reach as far as
+    the canvas does, its very edge included.
     """
     here = np.arange(len(points))
     after = np.minimum(here + 1, (offsets[1:] - 1)[owner(offsets)])
-    right, down, forward = camera.axes
-    rel = points - camera.eye
-    x, y, z = rel @ right * camera.focal, rel @ down * camera.focal, rel @ forward
-    # each side of the canvas, and the eye's own plane, is a linear function in space, positive inside
-    w, h = 0.5 * camera.width, 0.5 * camera.height
-    inside = np.stack([w * z + x, w * z - x, h * z + y, h * z - y, z - 1e-6], axis=1)
-    a, b = inside, inside[after]
-    crossing = a / np.where(a == b, 1.0, a - b)
-    t0 = np.where((a < 0) & (b > a), crossing, np.where(a < 0, 2.0, 0.0)).max(axis=1)
-    t1 = np.where((b < 0) & (a > b), crossing, np.where(b < 0, -1.0, 1.0)).min(axis=1)
+    t0, t1 = _stretch_on_canvas(points, after, camera)
     meets = (t1 > t0) & (after != here)
     t0, t1 = np.where(meets, t0, 0.0), np.where(meets, t1, 0.0)
     span = points[after] - points
-    ends = [camera.project(points + np.where(meets, t, 0.0)[:, None] * span)[0] for t in (t0, t1)]
+    ends = [camera.project(points + t[:, None] * span)[0] for t in (t0, t1)]
     length = np.where(meets, np.hypot(*(ends[1] - ends[0]).T), 0.0)
     pieces = np.maximum(np.ceil(length / SAMPLE), 1).astype(np.int64)
     lead, tail = t0 > 0.0, meets & (t1 < 1.0)  # a row outside the canvas; an end on its edge
@@ -135,13 +145,44 @@ def _nodes(
     return row, np.where(k < 0, 0.0, t)
 
 
+def _stretch_on_canvas(
+    points: np.ndarray, after: np.ndarray, camera: Camera
+) -> tuple[np.ndarray, np.ndarray]:
+    """Clip the segments from points (N, 3) to the rows `after` (N,) to what the canvas shows.
+
+    Returns from where to where along each, t0 and t1 (N,) in 0..1, and t0 above t1 where none of it
+    is shown. Each side of the canvas, and the eye's own plane, is a linear function in space that
+    is positive inside, so segments are clipped before they are projected.
+    """
+    right, down, forward = camera.axes
+    rel = points - camera.eye
+    x, y, z = rel @ right * camera.focal, rel @ down * camera.focal, rel @ forward
+    w, h = 0.5 * camera.width, 0.5 * camera.height
+    a = np.stack([w * z + x, w * z - x, h * z + y, h * z - y, z - 1e-6], axis=1)
+    b = a[after]
+    crossing = a / np.where(a == b, 1.0, a - b)
+    t0 = np.where((a < 0) & (b > a), crossing, np.where(a < 0, 2.0, 0.0)).max(axis=1)
+    t1 = np.where((b < 0) & (a > b), crossing, np.where(b < 0, -1.0, 1.0)).min(axis=1)
+    return t0, t1
+
+
+def _without_flicker(seen: np.ndarray, line: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """Mend short gaps in what is seen (M,) of lines, then drop short sightings."""
+    along = np.cumsum(np.r_[0.0, np.hypot(*np.diff(xy, axis=0).T)])
+    for state in (False, True):
+        seen = _without_short_runs(seen, line, along, state)
+    return seen
+
+
 def _without_short_runs(
-    seen: np.ndarray, line: np.ndarray, step: np.ndarray, state: bool
+    seen: np.ndarray, line: np.ndarray, along: np.ndarray, state: bool
 ) -> np.ndarray:
-    """`seen` (N,) with runs of `state` that are shorter than FLICKER px turned over, but for those at a line's ends."""
-    new = np.flatnonzero(np.r_[True, (seen[1:] != seen[:-1]) | (line[1:] != line[:-1])])
-    end = np.r_[new[1:], len(seen)]
-    along = np.cumsum(step)
+    """Turn over the runs of `state` in `seen` (M,) that are shorter than FLICKER px.
+
+    Those at a line's ends stay. `along` (M,) px counts on from point to point, over all lines.
+    """
+    start = runs(seen, line)
+    new, end = start[:-1], start[1:]
     extent = along[end - 1] - along[new]
     inner = (line[np.maximum(new - 1, 0)] == line[new]) & (
         line[np.minimum(end, len(line) - 1)] == line[new]
