@@ -10,14 +10,15 @@ const FRAME = 26; // ms a frame may take before it is painted coarser
 const byId = (id) => document.getElementById(id);
 const [ink, stage] = [byId("ink"), byId("stage")];
 
-const sheets = []; // one a drawing: {name, drawing, strokes, past, edit, future, camera, marks, saved}
+// one a drawing: {name, drawing, strokes, past, edit, future, camera, marks, saved}
+const sheets = [];
 let current = null;
 let selected = -1; // the stroke whose handles are shown
 let hovered = -1;
 let gesture = null; // the slider or drag under way: one step of undo
 let before = false;
 
-// ------------------------------------------------------------------------------------------------------------- state
+// ------------------------------------------------------------------------------------------- state
 
 /** Go on with another edit; those of one gesture are one step of undo. */
 function change(edit, name = null) {
@@ -32,7 +33,10 @@ function change(edit, name = null) {
 }
 
 function changeStroke(number, part, name = null) {
-  const strokes = { ...current.edit.strokes, [number]: { ...strokeEdit(current.edit, number), ...part } };
+  const strokes = {
+    ...current.edit.strokes,
+    [number]: { ...strokeEdit(current.edit, number), ...part },
+  };
   change({ ...current.edit, strokes }, name);
 }
 
@@ -46,14 +50,15 @@ function travel(from, to) {
   refresh();
 }
 
-// ---------------------------------------------------------------------------------------------------------- painting
+// ---------------------------------------------------------------------------------------- painting
 
 let frame = 0; // the animation frame that was asked for, until it is shown
 let handling = 0; // likewise, of the handles
 let settling = 0; // the timer of the picture at its best
 let round = 0; // goes up whenever something changes, so that a picture in the making is given up
 let quality = 1;
-let painting = false; // a frame is in the making: while a hand drags, controls change no oftener than the picture
+// a frame is in the making: while a hand drags, controls change no oftener than the picture
+let painting = false;
 let stale = false; // they will have to
 let shares = []; // of the picture's height, what each painter paints
 let shown = null; // what the canvas shows: {sheet, edit, canvas, camera, size}
@@ -64,7 +69,10 @@ function refresh() {
   repaint();
 }
 
-/** Paint soon and fast, as coarse as this machine needs, and at its best once nothing changes any more. */
+/**
+ * Paint soon and fast, as coarse as this machine needs, and at its best once nothing changes any
+ * more.
+ */
 function repaint() {
   round++;
   clearTimeout(settling);
@@ -89,7 +97,9 @@ async function paintSoon() {
   frame = 0;
 }
 
-/** Those who paint: a worker for each core; where a browser lets none work, the page does it itself. */
+/**
+ * Those who paint: a worker for each core; where a browser lets none work, the page does it itself.
+ */
 const painters = [];
 
 function hirePainters() {
@@ -129,16 +139,23 @@ function newPainter(code) {
 function paperColor() {
   const context = document.createElement("canvas").getContext("2d");
   context.fillStyle = "#ffffff";
-  context.fillStyle = current.drawing.background ?? "#ffffff"; // a name becomes #rrggbb, nonsense is left out
+  // a name becomes #rrggbb, nonsense is left out
+  context.fillStyle = current.drawing.background ?? "#ffffff";
   const hex = parseInt(context.fillStyle.slice(1), 16);
   return 0xff000000 | ((hex & 255) << 16) | (hex & 0xff00) | (hex >> 16);
 }
 
-/** The canvas at `fine` pixels a pixel of the screen: {width, height, its sides there, view, box of the paper seen}. */
+/**
+ * The canvas at `fine` pixels a pixel of the screen: {width, height, its sides there, view, box of
+ * the paper seen}.
+ */
 function canvasAt(fine) {
   const density = devicePixelRatio * fine;
   const { zoom, x, y } = current.camera;
-  const [width, height] = [Math.round(stage.clientWidth * density), Math.round(stage.clientHeight * density)];
+  const [width, height] = [
+    Math.round(stage.clientWidth * density),
+    Math.round(stage.clientHeight * density),
+  ];
   const view = { scale: zoom * density, x: x * density, y: y * density };
   const [w, h] = current.drawing.size;
   const [x0, y0] = [Math.max(0, Math.round(view.x)), Math.max(0, Math.round(view.y))];
@@ -146,7 +163,13 @@ function canvasAt(fine) {
   const y1 = Math.min(height, Math.round(view.y + h * view.scale));
   const box = { x0, y0, width: x1 - x0, height: y1 - y0 };
   const sides = [`${stage.clientWidth}px`, `${stage.clientHeight}px`];
-  return { width, height, sides, view, box: width > 0 && height > 0 && x1 > x0 && y1 > y0 ? box : null };
+  return {
+    width,
+    height,
+    sides,
+    view,
+    box: width > 0 && height > 0 && x1 > x0 && y1 > y0 ? box : null,
+  };
 }
 
 function editShown() {
@@ -157,19 +180,29 @@ function sizeNow() {
   return `${stage.clientWidth} ${stage.clientHeight} ${devicePixelRatio}`;
 }
 
-/** Show pictures, each {data, y0} of the rows of a box of the canvas, in place of what was there. */
+/**
+ * Show pictures, each {data, y0} of the rows of a box of the canvas, in place of what was there.
+ */
 function showCanvas(next, pictures, box = next.canvas.box) {
   const { canvas, camera, sheet } = next;
   const context = ink.getContext("2d");
   if (canvas !== shown?.canvas) {
-    if (ink.width !== canvas.width || ink.height !== canvas.height) [ink.width, ink.height] = [canvas.width, canvas.height];
-    [ink.style.width, ink.style.height] = canvas.sides; // not the window's, which may grow before the next picture comes
+    if (ink.width !== canvas.width || ink.height !== canvas.height)
+      [ink.width, ink.height] = [canvas.width, canvas.height];
+    // not the window's, which may grow before the next picture comes
+    [ink.style.width, ink.style.height] = canvas.sides;
     context.clearRect(0, 0, canvas.width, canvas.height);
     const [w, h] = sheet.drawing.size;
-    const sides = { left: camera.x, top: camera.y, width: camera.zoom * w, height: camera.zoom * h };
+    const sides = {
+      left: camera.x,
+      top: camera.y,
+      width: camera.zoom * w,
+      height: camera.zoom * h,
+    };
     for (const [side, value] of Object.entries(sides)) byId("paper").style[side] = `${value}px`;
   }
-  for (const { data, y0 } of pictures) context.putImageData(new ImageData(data, box.width), box.x0, y0);
+  for (const { data, y0 } of pictures)
+    context.putImageData(new ImageData(data, box.width), box.x0, y0);
   shown = next;
 }
 
@@ -180,11 +213,22 @@ function pictureOn(canvas) {
 
 /** A painter's job, to paint a box of a picture. */
 function jobOf({ sheet, edit, canvas }, box) {
-  const density = 2 ** (Math.ceil(4 * Math.log2(canvas.view.scale)) / 4); // in steps, so that marks outlast a little zoom
-  return { sheet: sheets.indexOf(sheet), edit, view: canvas.view, density, paper: paperColor(), ...box };
+  // in steps, so that marks outlast a little zoom
+  const density = 2 ** (Math.ceil(4 * Math.log2(canvas.view.scale)) / 4);
+  return {
+    sheet: sheets.indexOf(sheet),
+    edit,
+    view: canvas.view,
+    density,
+    paper: paperColor(),
+    ...box,
+  };
 }
 
-/** Paint the drawing now: only what changed if that is little, else all of it at `fine` pixels a pixel of the screen. */
+/**
+ * Paint the drawing now: only what changed if that is little, else all of it at `fine` pixels a
+ * pixel of the screen.
+ */
 async function paint(fine) {
   const from = shown;
   const part = partChanged();
@@ -223,7 +267,10 @@ function balance(pictures) {
   shares = wanted.map((value) => Math.max(value / sum, 0.02));
 }
 
-/** The box of the canvas where strokes changed since it was painted; null where to paint that is no less work than all. */
+/**
+ * The box of the canvas where strokes changed since it was painted; null where to paint that is no
+ * less work than all.
+ */
 function partChanged() {
   const edit = editShown();
   if (shown?.camera !== current.camera || shown.sheet !== current || !shown.canvas.box) return null;
@@ -231,12 +278,16 @@ function partChanged() {
   const { box, view } = shown.canvas;
   let [x0, y0, x1, y1] = [Infinity, Infinity, -Infinity, -Infinity];
   for (const stroke of current.strokes) {
-    const shapes = [shown.edit, edit].map((each) => visible(each, stroke) && effective(each, stroke));
+    const shapes = [shown.edit, edit].map(
+      (each) => visible(each, stroke) && effective(each, stroke),
+    );
     if (!shapes[0] && !shapes[1]) continue;
     if (shapes[0] && shapes[1] && sameShape(...shapes)) continue;
     for (const shape of shapes.filter((each) => each)) {
       const part = extentOf(edited(stroke, shape), stroke.margin);
-      const [left, top, right, bottom] = part.map((value, i) => view.scale * value + (i % 2 ? view.y : view.x));
+      const [left, top, right, bottom] = part.map(
+        (value, i) => view.scale * value + (i % 2 ? view.y : view.x),
+      );
       [x0, y0] = [Math.min(x0, Math.floor(left - 1)), Math.min(y0, Math.floor(top - 1))];
       [x1, y1] = [Math.max(x1, Math.ceil(right + 1)), Math.max(y1, Math.ceil(bottom + 1))];
     }
@@ -245,17 +296,23 @@ function partChanged() {
   [x0, y0] = [Math.max(x0, box.x0), Math.max(y0, box.y0)];
   [x1, y1] = [Math.min(x1, box.x0 + box.width), Math.min(y1, box.y0 + box.height)];
   const empty = !(x1 > x0 && y1 > y0);
-  return empty ? { x0: 0, y0: 0, width: 0, height: 0 } : { x0, y0, width: x1 - x0, height: y1 - y0 };
+  return empty
+    ? { x0: 0, y0: 0, width: 0, height: 0 }
+    : { x0, y0, width: x1 - x0, height: y1 - y0 };
 }
 
-/** Paint the drawing with two pixels a pixel of the screen at least, a band at a time so that the hand need not wait. */
+/**
+ * Paint the drawing with two pixels a pixel of the screen at least, a band at a time so that the
+ * hand need not wait.
+ */
 async function paintWell() {
   const mine = round;
   const next = pictureOn(canvasAt(Math.max(1, 2 / devicePixelRatio)));
   const { box } = next.canvas;
   if (!box) return;
   const bands = [];
-  for (let y = 0; y < box.height; y += BAND) bands.push({ y0: box.y0 + y, height: Math.min(BAND, box.height - y) });
+  for (let y = 0; y < box.height; y += BAND)
+    bands.push({ y0: box.y0 + y, height: Math.min(BAND, box.height - y) });
   const pictures = [];
   const job = { ...jobOf(next, box), density: Infinity };
   const work = async (painter) => {
@@ -268,7 +325,10 @@ async function paintWell() {
   if (mine === round) showCanvas(next, pictures);
 }
 
-/** The centre line and handles of the selected stroke, or the line of the one under the mouse, over the picture. */
+/**
+ * The centre line and handles of the selected stroke, or the line of the one under the mouse, over
+ * the picture.
+ */
 function placeHandles() {
   handling = 0;
   const number = before ? -1 : selected >= 0 ? selected : hovered;
@@ -301,7 +361,10 @@ function placeHandles() {
     const [px, py] = pointAt(mark, want);
     const crowded = zoom * Math.hypot(px - last[0], py - last[1]) < CROWD;
     if (!crowded) last = [px, py];
-    handles.children[k].classList.toggle("crowded", crowded && handles.children[k] !== document.activeElement);
+    handles.children[k].classList.toggle(
+      "crowded",
+      crowded && handles.children[k] !== document.activeElement,
+    );
     const handle = handles.children[k];
     handle.setAttribute("transform", `translate(${zoom * px + x} ${zoom * py + y})`);
     handle.setAttribute("aria-label", `Point ${k + 1} of ${at.length}`);
@@ -337,7 +400,7 @@ function pointAt({ stroke, line }, at) {
   return [x, y];
 }
 
-// ------------------------------------------------------------------------------------------------------- the camera
+// -------------------------------------------------------------------------------------- the camera
 
 function fit() {
   const [w, h] = current.drawing.size;
@@ -362,7 +425,10 @@ function panBy(dx, dy) {
   repaint();
 }
 
-/** The stroke under a point of the stage, topmost first, and where along its line as it was: {number, at} or null. */
+/**
+ * The stroke under a point of the stage, topmost first, and where along its line as it was:
+ * {number, at} or null.
+ */
 function strokeUnder(px, py, slack = 6) {
   const { zoom, x, y } = current.camera;
   const [qx, qy] = [(px - x) / zoom, (py - y) / zoom];
@@ -378,7 +444,9 @@ function strokeUnder(px, py, slack = 6) {
     for (let i = 0; i + 1 < line.x.length; i++) {
       const [dx, dy] = [line.x[i + 1] - line.x[i], line.y[i + 1] - line.y[i]];
       const size = dx * dx + dy * dy;
-      const t = size ? Math.min(Math.max(((qx - line.x[i]) * dx + (qy - line.y[i]) * dy) / size, 0), 1) : 0;
+      const t = size
+        ? Math.min(Math.max(((qx - line.x[i]) * dx + (qy - line.y[i]) * dy) / size, 0), 1)
+        : 0;
       const off = Math.hypot(qx - line.x[i] - t * dx, qy - line.y[i] - t * dy) - line.width[i] / 2;
       const distance = Math.max(zoom * off, 0) - (stroke.number === selected ? 0.5 : 0);
       if (distance <= least) {
@@ -393,7 +461,7 @@ function strokeUnder(px, py, slack = 6) {
   return { number: best.stroke.number, at };
 }
 
-// --------------------------------------------------------------------------------------------------------- the hand
+// ---------------------------------------------------------------------------------------- the hand
 
 const pointers = new Map();
 let drag = null; // {kind: "pan" | "bend", ...}
@@ -415,9 +483,15 @@ function select(number) {
   refresh();
 }
 
-/** Move what lies at arc length `at` of a stroke by (dx, dy) px of the drawing, on top of `moves`. */
+/**
+ * Move what lies at arc length `at` of a stroke by (dx, dy) px of the drawing, on top of `moves`.
+ */
 function bend(number, moves, at, dx, dy, name) {
-  changeStroke(number, { moves: [...moves, { at, reach: Number(byId("reach").value), dx, dy }] }, name);
+  changeStroke(
+    number,
+    { moves: [...moves, { at, reach: Number(byId("reach").value), dx, dy }] },
+    name,
+  );
 }
 
 stage.addEventListener("pointerdown", (event) => {
@@ -431,7 +505,8 @@ stage.addEventListener("pointerdown", (event) => {
   }
   if (before) showBefore(false);
   const handle = event.target.closest("#handles g");
-  const under = handle || event.button ? null : strokeUnder(px, py, event.pointerType === "touch" ? 14 : 6);
+  const under =
+    handle || event.button ? null : strokeUnder(px, py, event.pointerType === "touch" ? 14 : 6);
   const bending = handle || (under && under.number === selected);
   if (bending) {
     const stroke = current.drawing.strokes[selected];
@@ -488,7 +563,8 @@ for (const name of ["pointerup", "pointercancel"]) {
   stage.addEventListener(name, (event) => {
     if (!pointers.delete(event.pointerId)) return;
     ink.classList.remove("held");
-    if (drag?.kind === "pan" && !drag.moved && name === "pointerup") select(drag.under ? drag.under.number : -1);
+    if (drag?.kind === "pan" && !drag.moved && name === "pointerup")
+      select(drag.under ? drag.under.number : -1);
     drag = null;
     gesture = null;
   });
@@ -518,7 +594,8 @@ document.addEventListener("keydown", (event) => {
   const typing = event.target.matches("input, summary, [role=tab]");
   const handle = event.target.closest?.("#handles g");
   let done = true;
-  if (command && key.toLowerCase() === "z") event.shiftKey ? travel("future", "past") : travel("past", "future");
+  if (command && key.toLowerCase() === "z")
+    event.shiftKey ? travel("future", "past") : travel("past", "future");
   else if (command && key.toLowerCase() === "y") travel("future", "past");
   else if (command && key.toLowerCase() === "s") save();
   else if (command || event.altKey) done = false;
@@ -555,10 +632,16 @@ function nudge(stroke, at, dx, dy) {
 }
 
 function step(by) {
-  const numbers = current.drawing.strokes.filter((stroke) => visible(current.edit, stroke)).map((s) => s.number);
+  const numbers = current.drawing.strokes
+    .filter((stroke) => visible(current.edit, stroke))
+    .map((s) => s.number);
   if (!numbers.length) return;
   const at = numbers.indexOf(selected);
-  select(numbers[at < 0 ? (by > 0 ? 0 : numbers.length - 1) : (at + by + numbers.length) % numbers.length]);
+  select(
+    numbers[
+      at < 0 ? (by > 0 ? 0 : numbers.length - 1) : (at + by + numbers.length) % numbers.length
+    ],
+  );
 }
 
 function removeSelected() {
@@ -568,7 +651,7 @@ function removeSelected() {
   ink.focus({ preventScroll: true });
 }
 
-// ------------------------------------------------------------------------------------------------------ the controls
+// ------------------------------------------------------------------------------------ the controls
 
 const SLIDERS = {
   thickness: {
@@ -576,12 +659,24 @@ const SLIDERS = {
     get: (edit) => Math.log2(edit.thickness),
     set: (v) => ({ thickness: 2 ** v }),
   },
-  wiggle: { text: (v) => `${v.toFixed(1)} px`, get: (edit) => edit.wiggle, set: (v) => ({ wiggle: v }) },
-  wavelength: { text: (v) => `${v.toFixed(0)} px`, get: (edit) => edit.wavelength, set: (v) => ({ wavelength: v }) },
+  wiggle: {
+    text: (v) => `${v.toFixed(1)} px`,
+    get: (edit) => edit.wiggle,
+    set: (v) => ({ wiggle: v }),
+  },
+  wavelength: {
+    text: (v) => `${v.toFixed(0)} px`,
+    get: (edit) => edit.wavelength,
+    set: (v) => ({ wavelength: v }),
+  },
 };
 
 function sliderOf(id) {
-  return { input: byId(id), output: byId(id).previousElementSibling, ...SLIDERS[id.replace("one-", "")] };
+  return {
+    input: byId(id),
+    output: byId(id).previousElementSibling,
+    ...SLIDERS[id.replace("one-", "")],
+  };
 }
 
 for (const id of ["thickness", "wiggle", "wavelength", "one-thickness", "one-wiggle"]) {
@@ -643,7 +738,8 @@ function showControls() {
   byId("redo").disabled = !future.length;
   byId("reset").disabled = edit === UNEDITED;
   byId("percent").textContent = `${Math.round(100 * camera.zoom)} %`;
-  for (const input of byId("layers").querySelectorAll("input")) input.checked = !edit.hidden.includes(input.value);
+  for (const input of byId("layers").querySelectorAll("input"))
+    input.checked = !edit.hidden.includes(input.value);
   sheets.forEach((sheet, i) => {
     const tab = byId("tabs").children[i];
     tab.setAttribute("aria-selected", String(sheet === current));
@@ -705,9 +801,12 @@ function say(text) {
   saying = setTimeout(() => said.classList.remove("shown"), 4000);
 }
 
-/** What is seen now, as SVG text: layers that are off and strokes that were deleted are left out. */
+/**
+ * What is seen now, as SVG text: layers that are off and strokes that were deleted are left out.
+ */
 function savedText(sheet) {
-  const shown = (stroke) => (visible(sheet.edit, stroke) ? markNow(sheet, stroke, sheet.edit) : null);
+  const shown = (stroke) =>
+    visible(sheet.edit, stroke) ? markNow(sheet, stroke, sheet.edit) : null;
   return writeDrawing(sheet.drawing, sheet.drawing.strokes.map(shown));
 }
 
@@ -725,7 +824,9 @@ async function save() {
     sheet.saved = sheet.edit === edit;
     const count = sheet.drawing.strokes.filter((stroke) => visible(edit, stroke)).length;
     const left = sheet.drawing.strokes.length - count;
-    say(`${link.download}: ${count} strokes${left ? `, ${left} left out` : ""}, ${Math.ceil(text.length / 1000)} kB`);
+    say(
+      `${link.download}: ${count} strokes${left ? `, ${left} left out` : ""}, ${Math.ceil(text.length / 1000)} kB`,
+    );
   } catch (error) {
     say(`Not saved: ${error.message}`);
   } finally {
@@ -743,14 +844,24 @@ new ResizeObserver(() => {
   else repaint();
 }).observe(stage);
 
-// ------------------------------------------------------------------------------------------------------- beginning
+// --------------------------------------------------------------------------------------- beginning
 
 async function begin() {
   hirePainters();
   for (const [i, { name, svg }] of JSON.parse(byId("data").textContent).entries()) {
     const drawing = await readDrawing(svg);
     const { strokes } = drawing;
-    const sheet = { name, drawing, strokes, past: [], edit: UNEDITED, future: [], camera: null, marks: [], saved: false };
+    const sheet = {
+      name,
+      drawing,
+      strokes,
+      past: [],
+      edit: UNEDITED,
+      future: [],
+      camera: null,
+      marks: [],
+      saved: false,
+    };
     sheets.push(sheet);
     for (const painter of painters) painter.tell(strokes.map(({ element, ...stroke }) => stroke));
     const tab = document.createElement("button");

@@ -9,29 +9,49 @@ const PAGE_STRIP = "data-ss-strip"; // a texture that others read off what is dr
 const SLEEPING = " data-ss-style=";
 const SVG = "http://www.w3.org/2000/svg";
 
-/** SVG text of ours -> {text, xml, size, background, options, layers, strokes: [...]}, in painting order. */
+/**
+ * SVG text of ours -> {text, xml, size, background, options, layers, strokes: [...]}, in painting
+ * order.
+ */
 async function readDrawing(text) {
-  // a style attribute would be applied even here, and the page's policy would refuse it: it sleeps until it is written
-  const xml = new DOMParser().parseFromString(text.replaceAll(" style=", SLEEPING), "image/svg+xml");
+  // a style attribute would be applied even here, and the page's policy would refuse it: it sleeps
+  // until it is written
+  const xml = new DOMParser().parseFromString(
+    text.replaceAll(" style=", SLEEPING),
+    "image/svg+xml",
+  );
   const root = xml.documentElement;
   const size = root.getAttribute("data-ss-size").split(" ").map(Number);
-  const options = new Map((root.getAttribute("data-ss-options") ?? "").split(/\s+/).map((pair) => pair.split("=")));
+  const options = new Map(
+    (root.getAttribute("data-ss-options") ?? "").split(/\s+/).map((pair) => pair.split("=")),
+  );
   const paper = xml.getElementById("paper");
   const strokes = await Promise.all(Array.from(xml.querySelectorAll("[data-ss-path]"), readStroke));
   const ribbons = strokes.filter((stroke) => stroke.strip);
   const columns = Math.max(...ribbons.map((stroke) => stroke.strip.columns));
-  const stout = Math.max(...ribbons.map(({ line, margin }) => Math.max(...line.width) / 2 / Math.max(margin, 1e-3)));
+  const stout = Math.max(
+    ...ribbons.map(({ line, margin }) => Math.max(...line.width) / 2 / Math.max(margin, 1e-3)),
+  );
   for (const stroke of ribbons) {
     stroke.strip = wider(stroke.strip, columns);
     stroke.stout = stout; // half width by margin, of the drawing's stoutest stroke
   }
   const background = paper ? paper.getAttribute("fill") : null;
-  return { text, xml, size, background, options, layers: layersOf(strokes, options.get("layers") === "part"), strokes };
+  return {
+    text,
+    xml,
+    size,
+    background,
+    options,
+    layers: layersOf(strokes, options.get("layers") === "part"),
+    strokes,
+  };
 }
 
 /**
- * The layers of a drawing, the topmost first: {key, name, count, inner: layers of the same form}; `key` says in an edit's
- * `hidden` that it is off. Kinds hold the named parts of the shape, or the other way round.
+ * The layers of a drawing, the topmost first: {key, name, count, inner: layers of the same form};
+ * `key` says in an edit's `hidden` that it is off. Kinds hold the named parts of the shape, or the
+ * other way round.
  */
 function layersOf(strokes, partsFirst) {
   const kind = (stroke) => [stroke.kind, stroke.kind];
@@ -48,28 +68,39 @@ function layersOf(strokes, partsFirst) {
     return Array.from(layers.values()).reverse();
   };
   const parts = strokes.some((stroke) => stroke.part);
-  return grouped(strokes, outer, (stroke) => outer(stroke)[0]).map(({ key, name, strokes: own }) => ({
-    key,
-    name,
-    count: own.length,
-    inner: parts ? grouped(own, inner, both).map((layer) => ({ ...layer, count: layer.strokes.length, inner: [] })) : [],
-  }));
+  return grouped(strokes, outer, (stroke) => outer(stroke)[0]).map(
+    ({ key, name, strokes: own }) => ({
+      key,
+      name,
+      count: own.length,
+      inner: parts
+        ? grouped(own, inner, both).map((layer) => ({
+            ...layer,
+            count: layer.strokes.length,
+            inner: [],
+          }))
+        : [],
+    }),
+  );
 }
 
 async function readStroke(element, number) {
   const [x, y] = readPath(element.getAttribute("data-ss-path"));
   const closed = element.getAttribute("data-ss-closed") === "1";
   const fill = element.getAttribute("fill") ?? "#000000";
-  const opacity = Number(element.getAttribute("data-ss-opacity") ?? element.getAttribute("fill-opacity") ?? 1);
+  const opacity = Number(
+    element.getAttribute("data-ss-opacity") ?? element.getAttribute("fill-opacity") ?? 1,
+  );
   const color = [1, 3, 5].map((i) => parseInt(fill.slice(i, i + 2), 16) / 255).concat(opacity);
   const kept = element.getAttribute("data-ss-texture") ?? element.getAttribute(PAGE_STRIP);
-  const strip = kept
-    ? readStrip(await readPng(bytesOf(kept)))
-    : null;
+  const strip = kept ? readStrip(await readPng(bytesOf(kept))) : null;
   const line = widened(x, y, element.getAttribute("data-ss-width"), closed);
   line.was = counting(line.x.length);
   const margin = Number(element.getAttribute("data-ss-margin") ?? 0);
-  const [kind, part] = [element.getAttribute("data-ss-class"), element.getAttribute("data-ss-part") ?? ""];
+  const [kind, part] = [
+    element.getAttribute("data-ss-class"),
+    element.getAttribute("data-ss-part") ?? "",
+  ];
   return { element, number, id: element.id, kind, part, line, color, strip, margin };
 }
 
@@ -82,7 +113,10 @@ function readPath(data) {
   return [x, y];
 }
 
-/** A line with the widths of `data-ss-width`: one a point, or "t,w ..." of which every t becomes a point. */
+/**
+ * A line with the widths of `data-ss-width`: one a point, or "t,w ..." of which every t becomes a
+ * point.
+ */
 function widened(x, y, data, closed) {
   const pairs = data
     .trim()
@@ -100,11 +134,16 @@ function widened(x, y, data, closed) {
 }
 
 /**
- * A texture's PNG, u to the right -> {rows along u, columns across, and of every texel, u by u}: `alpha` bytes of one ink,
- * or else `data`, premultiplied RGBA bytes.
+ * A texture's PNG, u to the right -> {rows along u, columns across, and of every texel, u by u}:
+ * `alpha` bytes of one ink, or else `data`, premultiplied RGBA bytes.
  */
 function readStrip({ width: rows, height: columns, index, levels, palette }) {
-  const table = (palette ?? []).map(([r, g, b, a]) => [(r * a) / 255, (g * a) / 255, (b * a) / 255, a]);
+  const table = (palette ?? []).map(([r, g, b, a]) => [
+    (r * a) / 255,
+    (g * a) / 255,
+    (b * a) / 255,
+    a,
+  ]);
   const alpha = palette ? null : new Uint8Array(rows * columns);
   const data = palette ? new Uint8ClampedArray(4 * rows * columns) : null;
   for (let c = 0; c < columns; c++) {
@@ -117,7 +156,7 @@ function readStrip({ width: rows, height: columns, index, levels, palette }) {
   return { rows, columns, alpha, data };
 }
 
-// ---------------------------------------------------------------------------------------------------------- writing
+// ----------------------------------------------------------------------------------------- writing
 
 function numberText(value, decimals) {
   let text = value.toFixed(decimals);
@@ -126,7 +165,10 @@ function numberText(value, decimals) {
   return text === "-0" ? "0" : text;
 }
 
-/** Points [x0, y0, x1, y1, ...] as "x0 y0" and the steps between them, rounded so that errors do not add up. */
+/**
+ * Points [x0, y0, x1, y1, ...] as "x0 y0" and the steps between them, rounded so that errors do not
+ * add up.
+ */
 function steps(points, decimals) {
   const unit = 10 ** decimals;
   const whole = points.map((p) => Math.round(p * unit));
@@ -154,11 +196,12 @@ function ringsText(rings, decimals) {
 }
 
 /**
- * The SVG text of a drawing with its strokes as `marks` has them: one mark a stroke, null where it is to be left out.
- * What was not changed is written as it was.
+ * The SVG text of a drawing with its strokes as `marks` has them: one mark a stroke, null where it
+ * is to be left out. What was not changed is written as it was.
  */
 async function writeDrawing(drawing, marks) {
-  if (marks.every((mark) => mark && !mark.changed)) return drawing.text.replace(/ data-ss-strip="[^"]*"/g, "");
+  if (marks.every((mark) => mark && !mark.changed))
+    return drawing.text.replace(/ data-ss-strip="[^"]*"/g, "");
   const xml = drawing.xml.cloneNode(true);
   const elements = Array.from(xml.querySelectorAll("[data-ss-path]"));
   for (const [i, element] of elements.entries()) {
@@ -166,13 +209,16 @@ async function writeDrawing(drawing, marks) {
     else if (marks[i].changed) await writeStroke(element, marks[i], drawing.options);
     element.removeAttribute(PAGE_STRIP);
   }
-  const written = new XMLSerializer().serializeToString(xml.documentElement).replaceAll(SLEEPING, " style=");
+  const written = new XMLSerializer()
+    .serializeToString(xml.documentElement)
+    .replaceAll(SLEEPING, " style=");
   return `<?xml version="1.0" encoding="utf-8"?>\n${written}\n`;
 }
 
 function removeStroke(element) {
   const layer = element.parentNode;
-  if (element.previousSibling?.nodeType === Node.TEXT_NODE) element.previousSibling.remove(); // its line
+  // its line
+  if (element.previousSibling?.nodeType === Node.TEXT_NODE) element.previousSibling.remove();
   element.remove();
   if (layer.localName === "g" && !layer.children.length) removeStroke(layer);
 }
@@ -186,7 +232,8 @@ async function writeStroke(element, mark, options) {
   const points = simplified([line.x, line.y], PATH_SLACK);
   const keep = simplified([along, line.width], WIDTH_SLACK);
   const pairs = keep.map(
-    (i) => `${numberText(total ? along[i] / total : i && 1, 5)},${numberText(line.width[i], decimals)}`,
+    (i) =>
+      `${numberText(total ? along[i] / total : i && 1, 5)},${numberText(line.width[i], decimals)}`,
   );
   element.setAttribute(
     "data-ss-path",
@@ -200,7 +247,11 @@ async function writeStroke(element, mark, options) {
   if (mark.strip) await writeTexture(element, mark, options);
   else element.setAttribute("d", ringsText(outlineOf(line, tolerance), decimals));
   const places = drawnAt(mark.strip ? element.querySelector("path, image") : element);
-  if (places) element.setAttribute("data-ss-at", places.map((xy) => xy.map((p) => numberText(p, 3)).join(",")).join(" "));
+  if (places)
+    element.setAttribute(
+      "data-ss-at",
+      places.map((xy) => xy.map((p) => numberText(p, 3)).join(",")).join(" "),
+    );
   else element.removeAttribute("data-ss-at");
 }
 
@@ -215,22 +266,26 @@ async function writeTexture(element, mark, options) {
 }
 
 /**
- * Where a shape is, so that a reader sees how another program moved it, [[x, y] x 4]: an image's corners, or the points
- * at 0, 1/4, 1/2 and 3/4 of the length of a path's first ring; then [area] of the ring. Null where nothing is drawn.
+ * Where a shape is, so that a reader sees how another program moved it, [[x, y] x 4]: an image's
+ * corners, or the points at 0, 1/4, 1/2 and 3/4 of the length of a path's first ring; then [area]
+ * of the ring. Null where nothing is drawn.
  */
 function drawnAt(shape) {
   if (shape?.localName === "image") {
-    const [x, y, width, height] = ["x", "y", "width", "height"].map((name) => Number(shape.getAttribute(name)));
+    const [x, y, width, height] = ["x", "y", "width", "height"].map((name) =>
+      Number(shape.getAttribute(name)),
+    );
     return [0, 1, 1, 0].map((right, k) => [x + right * width, y + (k > 1 ? height : 0)]);
   }
   const d = shape?.getAttribute("d");
   if (!d) return null;
-  const [, start, letter, rest] = /^M([^cq]*)([cq])([^z]*)z/.exec(d); // as ringsText and splineText write it
+  // as ringsText and splineText write it
+  const [, start, letter, rest] = /^M([^cq]*)([cq])([^z]*)z/.exec(d);
   const numbers = (text) => text.match(/-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)/g).map(Number);
   const ring = [numbers(start)];
   const values = numbers(rest);
   let control;
-  for (let k = 0; k < values.length; ) {
+  for (let k = 0; k < values.length;) {
     const from = ring[ring.length - 1];
     const next = () => [from[0] + values[k++], from[1] + values[k++]];
     const piece = [from];
@@ -261,7 +316,8 @@ function curvePoint(points, t) {
 
 function greyPng({ rows, columns, alpha }) {
   const index = new Uint8Array(rows * columns);
-  for (let r = 0; r < rows; r++) for (let c = 0; c < columns; c++) index[c * rows + r] = alpha[r * columns + c];
+  for (let r = 0; r < rows; r++)
+    for (let c = 0; c < columns; c++) index[c * rows + r] = alpha[r * columns + c];
   return writePng(rows, columns, index, null);
 }
 
@@ -286,9 +342,13 @@ async function writeImage(element, mark, options) {
   let png;
   if (mark.strip.alpha) {
     const ink = mark.color.slice(0, 3).map((c) => Math.round(255 * c));
-    const palette = Array.from({ length: ALPHAS }, (_, k) => [...ink, Math.round((255 * k) / (ALPHAS - 1))]);
+    const palette = Array.from({ length: ALPHAS }, (_, k) => [
+      ...ink,
+      Math.round((255 * k) / (ALPHAS - 1)),
+    ]);
     const index = new Uint8Array(made.w * made.h);
-    for (let k = 0; k < made.count; k++) index[made.place[k]] = Math.round(made.a[k] * (ALPHAS - 1));
+    for (let k = 0; k < made.count; k++)
+      index[made.place[k]] = Math.round(made.a[k] * (ALPHAS - 1));
     png = await writePng(made.w, made.h, index, palette);
   } else {
     const planes = ["r", "g", "b", "a"].map((name) => {
@@ -301,7 +361,8 @@ async function writeImage(element, mark, options) {
   }
   const box = { x: made.x0, y: made.y0, width: made.w, height: made.h };
   const image = element.ownerDocument.createElementNS(SVG, "image");
-  for (const [name, value] of Object.entries(box)) image.setAttribute(name, numberText(value / resolution, 3));
+  for (const [name, value] of Object.entries(box))
+    image.setAttribute(name, numberText(value / resolution, 3));
   image.setAttribute("preserveAspectRatio", "none");
   image.setAttributeNS(XLINK, "xlink:href", `data:image/png;base64,${base64Of(png)}`);
   element.removeAttribute("clip-path");

@@ -1,12 +1,16 @@
-// Centre lines, ribbons and edits, as ribbons.py and strokes.py have them. A line is {x, y, width, closed}: typed
-// arrays, pixels of the drawing; a closed one repeats its first point as its last. Nothing here is ever changed in place.
+// Centre lines, ribbons and edits, as ribbons.py and strokes.py have them. A line is {x, y, width,
+// closed}: typed arrays, pixels of the drawing; a closed one repeats its first point as its last.
+// Nothing here is ever changed in place.
 
 const STIFFNESS = 0.35; // of a ribbon's half width: sigma of its centre line's smoothing
 const NARROWING = 0.25; // px a px: the most by which a ribbon's half width falls along it
 const THIN = 0.01; // px that a point left out of a ribbon may lie off
 const STEP = 3; // px between the points of a line that is drawn anew
 
-/** Memory for arrays that nobody keeps, used again and again: thousands of them a frame would keep the collector busy. */
+/**
+ * Memory for arrays that nobody keeps, used again and again: thousands of them a frame would keep
+ * the collector busy.
+ */
 const spare = { values: new Float64Array(1 << 16), used: 0, open: false };
 
 /** What a function gives that keeps none of the arrays of `floats`. */
@@ -64,8 +68,9 @@ function interp(at, along, ...columns) {
 }
 
 /**
- * A line with points added so that no two neighbours lie further apart than `spacing`; its own points stay.
- * `was` of a line says which point of the stroke's own line each point was: 2.5 lies half-way between points 2 and 3.
+ * A line with points added so that no two neighbours lie further apart than `spacing`; its own
+ * points stay. `was` of a line says which point of the stroke's own line each point was: 2.5 lies
+ * half-way between points 2 and 3.
  */
 function evenly(line, spacing) {
   const s = arcLength(line.x, line.y);
@@ -75,7 +80,14 @@ function evenly(line, spacing) {
     for (let j = 1; j <= pieces; j++) at.push(i - 1 + j / pieces);
   }
   if (at.length === s.length) return line;
-  const [x, y, width, was] = interp(Float64Array.from(at), counting(s.length), line.x, line.y, line.width, line.was);
+  const [x, y, width, was] = interp(
+    Float64Array.from(at),
+    counting(s.length),
+    line.x,
+    line.y,
+    line.width,
+    line.was,
+  );
   return { x, y, width, was, closed: line.closed };
 }
 
@@ -96,7 +108,10 @@ function atIndex(values, points) {
   return out;
 }
 
-/** Indices of the points that a polyline in several dimensions cannot leave out (Douglas and Peucker). */
+/**
+ * Indices of the points that a polyline in several dimensions cannot leave out (Douglas and
+ * Peucker).
+ */
 function simplified(columns, tolerance) {
   const n = columns[0].length;
   const keep = new Uint8Array(n);
@@ -140,7 +155,10 @@ function framed(first, values, last) {
   return out;
 }
 
-/** A line without points that coincide, with its fields; of the first field the largest of each heap stays. */
+/**
+ * A line without points that coincide, with its fields; of the first field the largest of each heap
+ * stays.
+ */
 function distinct(x, y, ...fields) {
   const apart = (i) => Math.abs(x[i] - x[i - 1]) + Math.abs(y[i] - y[i - 1]) > 1e-6;
   let alike = 0;
@@ -156,7 +174,10 @@ function distinct(x, y, ...fields) {
   return rest;
 }
 
-/** Pixels from a line of arc length s to v = 1 at every point: half the width, kept from narrowing abruptly, plus margin. */
+/**
+ * Pixels from a line of arc length s to v = 1 at every point: half the width, kept from narrowing
+ * abruptly, plus margin.
+ */
 function halfWidths({ width, closed }, s, margin) {
   const n = width.length;
   const half = floats(n);
@@ -182,22 +203,32 @@ function halfWidths({ width, closed }, s, margin) {
   return half;
 }
 
-/** Whether a ribbon lies on ink of its own elsewhere, as ribbons.py has it; `margin` of its half width holds none. */
+/**
+ * Whether a ribbon lies on ink of its own elsewhere, as ribbons.py has it; `margin` of its half
+ * width holds none.
+ */
 function overlaps({ x, y, half, along, length, closed }, margin) {
-  const n = Math.max(3, Math.ceil(length / Math.max(1, 0.4 * half.reduce((a, b) => Math.min(a, b)))) + 1);
+  const n = Math.max(
+    3,
+    Math.ceil(length / Math.max(1, 0.4 * half.reduce((a, b) => Math.min(a, b)))) + 1,
+  );
   const s = Float64Array.from({ length: n }, (_, i) => (i * length) / (n - 1));
   const [px, py, h] = interp(s, along, x, y, half);
   for (let i = 0; i < n; i++) {
     for (let j = i + 1; j < n; j++) {
       const both = h[i] + h[j];
       const apart = closed ? Math.min(s[j] - s[i], length - s[j] + s[i]) : s[j] - s[i];
-      if (apart > 0.6 * Math.PI * both && Math.hypot(px[i] - px[j], py[i] - py[j]) < both - margin) return true;
+      if (apart > 0.6 * Math.PI * both && Math.hypot(px[i] - px[j], py[i] - py[j]) < both - margin)
+        return true;
     }
   }
   return false;
 }
 
-/** Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half width. */
+/**
+ * Points evenly spaced along a centre line that is smoothed by STIFFNESS times its median half
+ * width.
+ */
 function stiffened(x, y, half, closed, step) {
   const along = arcLength(x, y);
   const total = along[along.length - 1];
@@ -215,7 +246,10 @@ function stiffened(x, y, half, closed, step) {
   return distinct(...all);
 }
 
-/** Gaussian of `sigma` values; turned about its ends, so that these stay, or round and round where closed. */
+/**
+ * Gaussian of `sigma` values; turned about its ends, so that these stay, or round and round where
+ * closed.
+ */
 function smoothed(values, sigma, closed) {
   const count = values.length - 1;
   const reach = Math.min(Math.trunc(4 * sigma) + 1, count);
@@ -243,8 +277,9 @@ function smoothed(values, sigma, closed) {
 }
 
 /**
- * The ribbon of a line: {x, y, half, along, length, closed}, run on past both ends by its half width there. Points that
- * lie within `slack` px between their neighbours are left out, of those `step` px apart that it is made of at first.
+ * The ribbon of a line: {x, y, half, along, length, closed}, run on past both ends by its half
+ * width there. Points that lie within `slack` px between their neighbours are left out, of those
+ * `step` px apart that it is made of at first.
  */
 function ribbonOf(line, halves, slack, step) {
   let [x, y, half] = distinct(line.x, line.y, halves);
@@ -255,7 +290,9 @@ function ribbonOf(line, halves, slack, step) {
     const end = (i, j) => {
       const size = n > 1 ? Math.hypot(x[i] - x[j], y[i] - y[j]) : 1;
       const reach = Math.max(half[i], 1e-3) / size;
-      return n > 1 ? [x[i] + reach * (x[i] - x[j]), y[i] + reach * (y[i] - y[j])] : [x[0] + j * reach, y[0]];
+      return n > 1
+        ? [x[i] + reach * (x[i] - x[j]), y[i] + reach * (y[i] - y[j])]
+        : [x[0] + j * reach, y[0]];
     };
     const [first, last] = [end(0, n > 1 ? 1 : -1), end(n - 1, n > 1 ? n - 2 : 1)];
     x = framed(first[0], x, last[0]);
@@ -266,7 +303,10 @@ function ribbonOf(line, halves, slack, step) {
   return thinned({ x, y, half, along, length: along[along.length - 1], closed }, slack);
 }
 
-/** A ribbon without points that lie within `slack` px between their neighbours anyway: rounds of every other point. */
+/**
+ * A ribbon without points that lie within `slack` px between their neighbours anyway: rounds of
+ * every other point.
+ */
 function thinned(band, slack) {
   const { x, y, half, along, length, closed } = band;
   const n = x.length;
@@ -294,7 +334,7 @@ function thinned(band, slack) {
   return { x: kept[0], y: kept[1], half: kept[2], along: kept[3], length, closed };
 }
 
-// ------------------------------------------------------------------------------------------------------------- edits
+// ------------------------------------------------------------------------------------------- edits
 // as edits.py makes them, in this order: points moved one after another, wiggle, thickness
 
 /** Columns smoothed by a Gaussian of `sigma` px along a line; open lines keep their ends. */
@@ -302,11 +342,16 @@ function smoothedAlong(x, y, s, sigma, closed) {
   const total = s[s.length - 1];
   const count = Math.min(Math.max(Math.ceil(total / Math.max(sigma / 4, 1e-3)), 8), 20000);
   const at = Float64Array.from({ length: count + 1 }, (_, i) => (total * i) / count);
-  const even = interp(at, s, x, y).map((values) => smoothed(values, (sigma * count) / total, closed));
+  const even = interp(at, s, x, y).map((values) =>
+    smoothed(values, (sigma * count) / total, closed),
+  );
   return interp(s, at, ...even);
 }
 
-/** Numbers in [0, 1) that depend on a seed, the stroke's number and their own, as `chances` of edits.py draws them. */
+/**
+ * Numbers in [0, 1) that depend on a seed, the stroke's number and their own, as `chances` of
+ * edits.py draws them.
+ */
 function chances(seed, stroke, count) {
   const mixed = (h) => {
     h = Math.imul(h ^ (h >>> 16), 0x85ebca6b);
@@ -314,17 +359,26 @@ function chances(seed, stroke, count) {
     return (h ^ (h >>> 16)) >>> 0;
   };
   const start = mixed(mixed(seed) ^ stroke);
-  return Float64Array.from({ length: count }, (_, k) => mixed(start + Math.imul(k + 1, 0x9e3779b9)) / 2 ** 32);
+  return Float64Array.from(
+    { length: count },
+    (_, k) => mixed(start + Math.imul(k + 1, 0x9e3779b9)) / 2 ** 32,
+  );
 }
 
-/** Smooth noise in [-1, 1] at arc lengths s: random heights of alternating sign, half a wavelength apart. */
+/**
+ * Smooth noise in [-1, 1] at arc lengths s: random heights of alternating sign, half a wavelength
+ * apart.
+ */
 function noise(s, wavelength, closed, stroke) {
   const total = s[s.length - 1];
   let count = Math.max(closed ? 2 : 1, Math.round((2 * total) / wavelength));
   if (closed) count += count % 2;
   const drawn = chances(0, stroke, count + 5);
   const sign = drawn[count + 3] < 0.5 ? -1 : 1;
-  const height = Float64Array.from({ length: count + 3 }, (_, k) => (0.45 + 0.55 * drawn[k]) * (k % 2 ? sign : -sign));
+  const height = Float64Array.from(
+    { length: count + 3 },
+    (_, k) => (0.45 + 0.55 * drawn[k]) * (k % 2 ? sign : -sign),
+  );
   const shift = closed ? 0.5 : 0.25 + 0.5 * drawn[count + 4];
   if (closed) for (let k = 0; k < 3; k++) height[count + k] = height[k];
   return s.map((at) => {
@@ -341,7 +395,10 @@ function smoothStep(f) {
   return t * t * (3 - 2 * t);
 }
 
-/** A line with the point at arc length `at`, and its neighbours up to `reach` px away the less, moved by (dx, dy). */
+/**
+ * A line with the point at arc length `at`, and its neighbours up to `reach` px away the less,
+ * moved by (dx, dy).
+ */
 function moved(line, { at, reach, dx, dy }) {
   line = evenly(line, STEP);
   const s = arcLength(line.x, line.y);
@@ -351,7 +408,14 @@ function moved(line, { at, reach, dx, dy }) {
     const away = Math.abs(here - at);
     return smoothStep(1 - (line.closed ? Math.min(away, total - away) : away) / far);
   });
-  return { ...line, ...shut(line.x.map((x, i) => x + near[i] * dx), line.y.map((y, i) => y + near[i] * dy), line.closed) };
+  return {
+    ...line,
+    ...shut(
+      line.x.map((x, i) => x + near[i] * dx),
+      line.y.map((y, i) => y + near[i] * dy),
+      line.closed,
+    ),
+  };
 }
 
 function shut(x, y, closed) {
@@ -359,7 +423,9 @@ function shut(x, y, closed) {
   return { x, y };
 }
 
-/** The way in which a line wiggles: {line: with points enough, dx, dy: for an amplitude of 1 px}. */
+/**
+ * The way in which a line wiggles: {line: with points enough, dx, dy: for an amplitude of 1 px}.
+ */
 function wavesOf(line, wavelength, stroke) {
   line = evenly(line, Math.min(STEP, wavelength / 8));
   const { closed } = line;
@@ -374,7 +440,9 @@ function wavesOf(line, wavelength, stroke) {
     const [tx, ty] = [x[b] - x[a], y[b] - y[a]];
     const size = Math.sqrt(tx * tx + ty * ty);
     // nothing at the ends, in full from a third of the way between crests on
-    const rise = closed ? 1 : smoothStep(Math.min(s[i], total - s[i]) / Math.min(wavelength / 3, total / 2));
+    const rise = closed
+      ? 1
+      : smoothStep(Math.min(s[i], total - s[i]) / Math.min(wavelength / 3, total / 2));
     dx[i] = size > 1e-12 ? (-ty / size) * rise * swing[i] : 0;
     dy[i] = size > 1e-12 ? (tx / size) * rise * swing[i] : rise * swing[i];
   }

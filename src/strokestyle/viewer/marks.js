@@ -1,11 +1,13 @@
-// Strokes under an edit, as marks to be painted; all that a painter needs to know, on the page or in a worker of its own.
+// Strokes under an edit, as marks to be painted; all that a painter needs to know, on the page or
+// in a worker of its own.
 //
-// An edit is {thickness, wiggle, wavelength, hidden: [layer], strokes: {number: {thickness, wiggle, moves, removed}}} and
-// is never changed in place: undo goes back to an older one.
+// An edit is {thickness, wiggle, wavelength, hidden: [layer], strokes: {number: {thickness, wiggle,
+// moves, removed}}} and is never changed in place: undo goes back to an older one.
 
 const PLAIN = { thickness: 1, wiggle: 0, moves: [], removed: false };
 const UNEDITED = { thickness: 1, wiggle: 0, wavelength: 40, hidden: [], strokes: {} };
-const NEAR = 0.06; // of its thickness: less stretches a texture so little that nobody sees it while things move
+// of its thickness: less stretches a texture so little that nobody sees it while things move
+const NEAR = 0.06;
 const COARSE = 0.2; // px of a canvas that a ribbon may lie off while things move
 
 function strokeEdit(edit, number) {
@@ -13,7 +15,10 @@ function strokeEdit(edit, number) {
 }
 
 function visible(edit, stroke) {
-  return !strokeEdit(edit, stroke.number).removed && !(edit.hidden.length && hiddenBy(edit.hidden, stroke));
+  return (
+    !strokeEdit(edit, stroke.number).removed &&
+    !(edit.hidden.length && hiddenBy(edit.hidden, stroke))
+  );
 }
 
 /** Layers that are off: kinds "contour", parts "/wheel", a kind's part "contour/wheel". */
@@ -34,11 +39,15 @@ function effective(edit, stroke) {
 }
 
 function sameShape(a, b) {
-  if (a.thickness !== b.thickness || a.wiggle !== b.wiggle || a.wavelength !== b.wavelength) return false;
+  if (a.thickness !== b.thickness || a.wiggle !== b.wiggle || a.wavelength !== b.wavelength)
+    return false;
   return a.moves === b.moves || (!a.moves.length && !b.moves.length);
 }
 
-/** The mark of a stroke under an edit, made anew where another edit was made since, or where it was made too coarse. */
+/**
+ * The mark of a stroke under an edit, made anew where another edit was made since, or where it was
+ * made too coarse.
+ */
 function markNow(sheet, stroke, edit, density = Infinity) {
   const wanted = effective(edit, stroke);
   const cached = sheet.marks[stroke.number];
@@ -49,8 +58,9 @@ function markNow(sheet, stroke, edit, density = Infinity) {
 }
 
 /**
- * A stroke under an edit, as a mark; as coarse as a canvas of `density` pixels a pixel of the drawing lets it be: then its
- * texture is the one that its thickness alone gives it, bent along with it, and lasts as long as only the line moves.
+ * A stroke under an edit, as a mark; as coarse as a canvas of `density` pixels a pixel of the
+ * drawing lets it be: then its texture is the one that its thickness alone gives it, bent along
+ * with it, and lasts as long as only the line moves.
  */
 function markOf(stroke, wanted, density = Infinity) {
   const line = edited(stroke, wanted);
@@ -68,11 +78,17 @@ function dressed(mark, { thickness }, density) {
     mark.band = ribbonOf(line, now.half, THIN, 1);
     if (changed) mark.strip = carried(stroke, line, now, thickness, density);
   } else {
-    mark.band = ribbonOf(line, now.half, Math.max(COARSE / density, THIN), STEP / Math.min(density, 1));
+    mark.band = ribbonOf(
+      line,
+      now.half,
+      Math.max(COARSE / density, THIN),
+      STEP / Math.min(density, 1),
+    );
     if (thickness !== 1) mark.strip = thickened(stroke, thickness, density);
     if (line.was !== stroke.line.was) {
       const { margin } = stroke;
-      const old = thickness === 1 ? ownProfile(stroke) : profileOf(thickLine(stroke.line, thickness), margin);
+      const old =
+        thickness === 1 ? ownProfile(stroke) : profileOf(thickLine(stroke.line, thickness), margin);
       mark.band.row = rowsOf(mark, old, now);
     }
   }
@@ -80,11 +96,15 @@ function dressed(mark, { thickness }, density) {
   band.row ??= band.along.map((at) => (at / band.length) * strip.rows - 0.5);
 }
 
-/** The strip of a stroke whose thickness alone changed, made coarsely; the last one is kept, and will do a little longer. */
+/**
+ * The strip of a stroke whose thickness alone changed, made coarsely; the last one is kept, and
+ * will do a little longer.
+ */
 function thickened(stroke, thickness, density) {
   const { last } = stroke;
   const near = (NEAR * (1 + (stroke.number % 4))) / 4; // not all strokes' at once
-  if (last?.density >= density && Math.abs(thickness / last.thickness - 1) < near) return last.strip;
+  if (last?.density >= density && Math.abs(thickness / last.thickness - 1) < near)
+    return last.strip;
   const line = thickLine(stroke.line, thickness);
   const strip = carried(stroke, line, profileOf(line, stroke.margin), thickness, density);
   stroke.last = { thickness, density, strip };
@@ -139,7 +159,9 @@ function outside(stroke, { thickness, wiggle, moves }, { scale, x, y }, clip) {
   );
 }
 
-/** Paint a sheet's strokes under an edit over `image`, whose corner lies at (x0, y0) of the canvas. */
+/**
+ * Paint a sheet's strokes under an edit over `image`, whose corner lies at (x0, y0) of the canvas.
+ */
 function paintStrokes(sheet, edit, view, density, image, x0 = 0, y0 = 0) {
   const clip = [x0, y0, x0 + image.width, y0 + image.height];
   for (const stroke of sheet.strokes) {
@@ -148,7 +170,10 @@ function paintStrokes(sheet, edit, view, density, image, x0 = 0, y0 = 0) {
   }
 }
 
-/** A painter's job done: {sheet: its number, edit, view, density, paper, x0, y0, width, height} -> RGBA bytes. */
+/**
+ * A painter's job done: {sheet: its number, edit, view, density, paper, x0, y0, width, height} ->
+ * RGBA bytes.
+ */
 function painted(sheet, { edit, view, density, paper, x0, y0, width, height }) {
   const data = new Uint8ClampedArray(4 * width * height);
   new Uint32Array(data.buffer).fill(paper);
@@ -168,8 +193,8 @@ if (typeof document === "undefined") {
       postMessage(data, [data.buffer]);
     }
   };
-  // the first change shall not have to wait for what can be made beforehand, nor for the compiler: between jobs, all
-  // strokes are looked at and painted once, thinner, little changed or thicker
+  // the first change shall not have to wait for what can be made beforehand, nor for the compiler:
+  // between jobs, all strokes are looked at and painted once, thinner, little changed or thicker
   const getReady = () => {
     const waiting = sheets.flatMap(({ strokes }) => strokes.filter(({ ready }) => !ready));
     for (const stroke of waiting.slice(0, 4)) {

@@ -1,8 +1,12 @@
-// Outlines of strokes as smooth cubics, as outlines.py and cubics.py make them; and the texture's tones as paths.
+// Outlines of strokes as smooth cubics, as outlines.py and cubics.py make them; and the texture's
+// tones as paths.
 
 const FIT_STEP = 1.5; // px between the points of an outline that its cubics are fitted to
 
-/** The offset of a closed walk p with radii r to the side (-t_y, t_x): {x, y, hard}, a polygon and its corners. */
+/**
+ * The offset of a closed walk p with radii r to the side (-t_y, t_x): {x, y, hard}, a polygon and
+ * its corners.
+ */
 function offsetRing(px, py, r, turn, tolerance) {
   const n = px.length;
   const out = { x: [], y: [], hard: [] };
@@ -19,8 +23,14 @@ function offsetRing(px, py, r, turn, tolerance) {
     lean.push(Math.asin(Math.min(Math.max((r[j] - r[k]) / Math.hypot(dx, dy), -1), 1)));
     const angle = heading[k] + Math.PI / 2 + lean[k];
     const [mx, my] = [Math.cos(angle), Math.sin(angle)];
-    const held = Math.abs(r[j] - r[k]) >= Math.hypot(dx, dy); // by the other's disc: corners, else there are slits
-    const [ax, ay, bx, by] = [px[k] + r[k] * mx, py[k] + r[k] * my, px[j] + r[j] * mx, py[j] + r[j] * my];
+    // by the other's disc: corners, else there are slits
+    const held = Math.abs(r[j] - r[k]) >= Math.hypot(dx, dy);
+    const [ax, ay, bx, by] = [
+      px[k] + r[k] * mx,
+      py[k] + r[k] * my,
+      px[j] + r[j] * mx,
+      py[j] + r[j] * my,
+    ];
     seg.push({ ax, ay, bx, by, angle, held });
   }
   const bend = heading.map((h, k) => wrap(h - heading[(k + n - 1) % n]));
@@ -29,7 +39,8 @@ function offsetRing(px, py, r, turn, tolerance) {
     bend[0] = bend[turn] = -Math.PI;
     for (let k = turn + 1; k < n; k++) bend[k] = -bend[2 * turn - k];
   }
-  // inside of a bend the two offset segments are cut where they meet; where they do not, by way of the centre
+  // inside of a bend the two offset segments are cut where they meet; where they do not, by way of
+  // the centre
   const joint = [];
   for (let k = 0; k < n; k++) {
     const before = (k + n - 1) % n;
@@ -44,7 +55,8 @@ function offsetRing(px, py, r, turn, tolerance) {
     joint.push({ swing, s, t, meet, x: a.ax + s * ux, y: a.ay + s * uy });
   }
   for (let lost = true; lost;) {
-    // a segment cut at both ends must keep something: else the bend is tighter than the stroke is wide
+    // a segment cut at both ends must keep something: else the bend is tighter than the stroke is
+    // wide
     lost = false;
     for (let k = 0; k < n; k++) {
       const after = joint[next(k)];
@@ -86,7 +98,10 @@ function offsetRing(px, py, r, turn, tolerance) {
   return out;
 }
 
-/** The outline of a line as rings of cubics [[x0, y0, x1, y1, x2, y2, x3, y3], ...], to be filled by the nonzero rule. */
+/**
+ * The outline of a line as rings of cubics [[x0, y0, x1, y1, x2, y2, x3, y3], ...], to be filled by
+ * the nonzero rule.
+ */
 function outlineOf(line, tolerance) {
   let [x, y, r] = distinct(
     line.x,
@@ -111,7 +126,10 @@ function outlineOf(line, tolerance) {
   } else walks.push([...forth, ...forth.slice(1, -1).reverse()]);
   return walks.map((walk) => {
     const take = (values) => walk.map((i) => values[i]);
-    return fitRing(spread(offsetRing(take(x), take(y), take(r), closed ? 0 : n - 1, 0.2 * tolerance)), 0.8 * tolerance);
+    return fitRing(
+      spread(offsetRing(take(x), take(y), take(r), closed ? 0 : n - 1, 0.2 * tolerance)),
+      0.8 * tolerance,
+    );
   });
 }
 
@@ -177,7 +195,10 @@ function fitRing({ x, y, hard }, tolerance) {
   return cubics;
 }
 
-/** One cubic for the points begin .. end with its end tangents held: {cubic, error, worst: where to cut}. */
+/**
+ * One cubic for the points begin .. end with its end tangents held: {cubic, error, worst: where to
+ * cut}.
+ */
 function fitSpan(qx, qy, begin, end, [ux, uy], [vx, vy], tolerance) {
   const count = end - begin + 1;
   const t = new Float64Array(count);
@@ -208,11 +229,17 @@ function fitSpan(qx, qy, begin, end, [ux, uy], [vx, vy], tolerance) {
     let h1 = (x1 * c22 - x2 * c12) / det;
     let h2 = (c11 * x2 - c12 * x1) / det;
     // handles that point backwards or overtake each other make loops: then a third of the way
-    const good = count > 2 && det > 1e-9 * Math.max(c11 * c22, 1e-12) && h1 > 0.01 * chord && h2 > 0.01 * chord;
+    const good =
+      count > 2 &&
+      det > 1e-9 * Math.max(c11 * c22, 1e-12) &&
+      h1 > 0.01 * chord &&
+      h2 > 0.01 * chord;
     if (!good || h1 + h2 >= 1.5 * length) h1 = h2 = length / 3;
     if (count === 2) {
-      // without points between, its tangents are held to nothing: they must not carry the curve off the chord
-      const most = (x, y) => (tolerance * chord) / Math.max(Math.abs(x * (dy - ay) - y * (dx - ax)), 1e-12);
+      // without points between, its tangents are held to nothing: they must not carry the curve off
+      // the chord
+      const most = (x, y) =>
+        (tolerance * chord) / Math.max(Math.abs(x * (dy - ay) - y * (dx - ax)), 1e-12);
       h1 = Math.min(h1, ux * (dx - ax) + uy * (dy - ay) > 0 ? most(ux, uy) : tolerance);
       h2 = Math.min(h2, vx * (dx - ax) + vy * (dy - ay) < 0 ? most(vx, vy) : tolerance);
     }
@@ -242,7 +269,10 @@ function fitSpan(qx, qy, begin, end, [ux, uy], [vx, vy], tolerance) {
     const [b0, b1, b2, b3] = [(1 - w) ** 3, 3 * w * (1 - w) ** 2, 3 * w * w * (1 - w), w ** 3];
     const [fx, fy] = [qx[begin + i - 1], qy[begin + i - 1]];
     const [ex, ey] = [qx[begin + i] - fx, qy[begin + i] - fy];
-    const [ox, oy] = [b0 * ax + b1 * bx + b2 * cx + b3 * dx - fx, b0 * ay + b1 * by + b2 * cy + b3 * dy - fy];
+    const [ox, oy] = [
+      b0 * ax + b1 * bx + b2 * cx + b3 * dx - fx,
+      b0 * ay + b1 * by + b2 * cy + b3 * dy - fy,
+    ];
     const at = Math.min(Math.max((ox * ex + oy * ey) / Math.max(ex * ex + ey * ey, 1e-18), 0), 1);
     const off = Math.hypot(ox - at * ex, oy - at * ey);
     if (off > error) [error, worst] = [off, begin + Math.min(i, count - 2)];

@@ -1,12 +1,14 @@
-// The raster of a drawing, as painting.py makes it: every pixel finds its place in the ribbon and reads the texture there.
+// The raster of a drawing, as painting.py makes it: every pixel finds its place in the ribbon and
+// reads the texture there.
 //
-// A mark is one stroke ready to be painted: {line, band, strip, color}, lengths in pixels of the drawing; without a strip
-// it is flat ink. `view` is {scale, x, y}: a point p of the drawing lies at scale * p + (x, y) on the canvas.
+// A mark is one stroke ready to be painted: {line, band, strip, color}, lengths in pixels of the
+// drawing; without a strip it is flat ink. `view` is {scale, x, y}: a point p of the drawing lies
+// at scale * p + (x, y) on the canvas.
 
 /**
- * Working memory for one stroke: `slot` by pixel of its box, and by slot, in the order in which pixels were met, their
- * place on the canvas and premultiplied colour. Slots count on from stroke to stroke, from `base`, so that nothing need be
- * cleared.
+ * Working memory for one stroke: `slot` by pixel of its box, and by slot, in the order in which
+ * pixels were met, their place on the canvas and premultiplied colour. Slots count on from stroke
+ * to stroke, from `base`, so that nothing need be cleared.
  */
 const scratch = { size: 0, base: 1 };
 
@@ -25,8 +27,9 @@ function reserve(size) {
 }
 
 /**
- * What of a mark does not change with the view: its segments' lengths and directions, and the directions (nx, ny) across
- * which one segment's pixels end and the next one's begin: those half-way between theirs; 0 where it turns back.
+ * What of a mark does not change with the view: its segments' lengths and directions, and the
+ * directions (nx, ny) across which one segment's pixels end and the next one's begin: those
+ * half-way between theirs; 0 where it turns back.
  */
 function prepared(mark) {
   if (mark.ready) return mark.ready;
@@ -34,7 +37,9 @@ function prepared(mark) {
   const radius = mark.strip ? mark.band.half : mark.line.width.map((w) => w / 2);
   const n = x.length - 1;
   const room = new Float64Array(5 * (n + 1)); // one array is sooner had than five
-  const [tx, ty, length, nx, ny] = [0, 1, 2, 3, 4].map((k) => room.subarray(k * (n + 1), (k + 1) * (n + 1)));
+  const [tx, ty, length, nx, ny] = [0, 1, 2, 3, 4].map((k) =>
+    room.subarray(k * (n + 1), (k + 1) * (n + 1)),
+  );
   let [left, top, right, bottom, widest] = [x[0], y[0], x[0], y[0], radius[0]];
   for (let k = 0; k < n; k++) {
     const [dx, dy] = [x[k + 1] - x[k], y[k + 1] - y[k]];
@@ -68,9 +73,10 @@ function boxOf(mark, view) {
 }
 
 /**
- * One mark's pixels within `clip` [x0, y0, x1, y1): {x0, y0, w, h, count, place, a, r, g, b}; place[k] for k < count is
- * (y - clip y0) * clip width + x - clip x0, and a[k], r[k], g[k], b[k] its colour, premultiplied. A mark of one ink has
- * `ink` in place of r, g and b. Valid until the next call; null where there is nothing.
+ * One mark's pixels within `clip` [x0, y0, x1, y1): {x0, y0, w, h, count, place, a, r, g, b};
+ * place[k] for k < count is (y - clip y0) * clip width + x - clip x0, and a[k], r[k], g[k], b[k]
+ * its colour, premultiplied. A mark of one ink has `ink` in place of r, g and b. Valid until the
+ * next call; null where there is nothing.
  */
 function pixelsOf(mark, view, clip) {
   const box = boxOf(mark, view);
@@ -80,12 +86,33 @@ function pixelsOf(mark, view, clip) {
   const h = Math.min(box[3], clip[3]) - y0;
   if (!(w > 0 && h > 0)) return null;
   const { place, r, g, b, a } = reserve(w * h);
-  const count = scan(mark, view, { x0, y0, w, h }, (y0 - clip[1]) * (clip[2] - clip[0]) + x0 - clip[0], clip[2] - clip[0]);
+  const count = scan(
+    mark,
+    view,
+    { x0, y0, w, h },
+    (y0 - clip[1]) * (clip[2] - clip[0]) + x0 - clip[0],
+    clip[2] - clip[0],
+  );
   scratch.base += count;
-  return { x0, y0, w, h, count, place, r, g, b, a, ink: !mark.strip || mark.strip.alpha ? mark.color : null };
+  return {
+    x0,
+    y0,
+    w,
+    h,
+    count,
+    place,
+    r,
+    g,
+    b,
+    a,
+    ink: !mark.strip || mark.strip.alpha ? mark.color : null,
+  };
 }
 
-/** Four half-planes, a x + b y <= c: where a row at y meets side i, and whether from there on or up to there. */
+/**
+ * Four half-planes, a x + b y <= c: where a row at y meets side i, and whether from there on or up
+ * to there.
+ */
 const sides = { at: new Float64Array(4), lean: new Float64Array(4), upTo: new Uint8Array(4) };
 
 function setSide(i, a, b, c) {
@@ -96,11 +123,12 @@ function setSide(i, a, b, c) {
 }
 
 /**
- * Every pixel of a box that a mark touches, into scratch; the number of them. The box's corner is at `corner` on a canvas
- * of rows of `stride` pixels.
+ * Every pixel of a box that a mark touches, into scratch; the number of them. The box's corner is
+ * at `corner` on a canvas of rows of `stride` pixels.
  *
- * Flat ink covers the union of the round cones of its segments. A ribbon's pixels lie each in the segment nearest to them,
- * whose neighbours begin half-way round the bend; where the ribbon crosses itself the stronger ink is seen.
+ * Flat ink covers the union of the round cones of its segments. A ribbon's pixels lie each in the
+ * segment nearest to them, whose neighbours begin half-way round the bend; where the ribbon crosses
+ * itself the stronger ink is seen.
  */
 function scan(mark, view, { x0, y0, w, h }, corner, stride) {
   const { scale } = view;
@@ -132,7 +160,8 @@ function scan(mark, view, { x0, y0, w, h }, corner, stride) {
       setSide(3, fall * tx + ty, fall * ty - tx, ra);
     } else {
       fall = Math.min(Math.max(fall, -1 + 1e-9), 1 - 1e-9);
-      lean = fall / Math.sqrt(1 - fall * fall); // a cone's nearest point lies ahead of the foot of the perpendicular
+      // a cone's nearest point lies ahead of the foot of the perpendicular
+      lean = fall / Math.sqrt(1 - fall * fall);
       reach += 1;
       setSide(0, -tx, -ty, reach);
       setSide(1, tx, ty, length + reach);
@@ -142,7 +171,11 @@ function scan(mark, view, { x0, y0, w, h }, corner, stride) {
     const thick = 2 * Math.max(ra, rb);
     const [rx0, ry0] = [x0 + 0.5 - (scale * x[k] + view.x), y0 + 0.5 - (scale * y[k] + view.y)];
     const last = Math.min(h - 1, Math.floor(Math.max(0, length * ty) + reach - ry0));
-    for (let row = Math.max(0, Math.ceil(Math.min(0, length * ty) - reach - ry0)); row <= last; row++) {
+    for (
+      let row = Math.max(0, Math.ceil(Math.min(0, length * ty) - reach - ry0));
+      row <= last;
+      row++
+    ) {
       const ry = ry0 + row;
       let [from, to] = [rx0 - 0.5, rx0 + w - 1];
       for (let i = 0; i < 4; i++) {
@@ -166,7 +199,8 @@ function scan(mark, view, { x0, y0, w, h }, corner, stride) {
         if (strip) {
           let v = side / half;
           if (ahead !== 0) {
-            const square = ahead * ahead + side * side; // off the end of the segment, round its point
+            // off the end of the segment, round its point
+            const square = ahead * ahead + side * side;
             if (square > half * half) continue;
             v = (side < 0 ? -Math.sqrt(square) : Math.sqrt(square)) / half;
           }
@@ -174,7 +208,8 @@ function scan(mark, view, { x0, y0, w, h }, corner, stride) {
             ? opacityAt(texels, rows, columns, u + foot * climb, v, band.closed)
             : colorAt(texels, rows, columns, u + foot * climb, v, band.closed);
         } else {
-          // the pixel's part within a band: what the near edge lets in less what the far edge shuts out
+          // the pixel's part within a band: what the near edge lets in less what the far edge shuts
+          // out
           const distance = Math.sqrt(ahead * ahead + side * side) - half;
           let part = distance < -0.5 ? 1 : 0.5 - distance;
           if (distance + thick < 0.5) part -= Math.min(0.5 - distance - thick, 1);
@@ -200,9 +235,13 @@ function scan(mark, view, { x0, y0, w, h }, corner, stride) {
 }
 
 const tint = { r: 0, g: 0, b: 0 };
-const spot = { i: 0, j: 0, k: 0, l: 0, right: 0, down: 0 }; // what `find` found: no new object for every pixel
+// what `find` found: no new object for every pixel
+const spot = { i: 0, j: 0, k: 0, l: 0, right: 0, down: 0 };
 
-/** The four texels of a strip (rows, columns) round a row and v in [-1, 1], and how far right and down between them. */
+/**
+ * The four texels of a strip (rows, columns) round a row and v in [-1, 1], and how far right and
+ * down between them.
+ */
 function find(rows, columns, row, v, wrap) {
   const column = (v + 1) * 0.5 * columns - 0.5;
   const [r, c] = [Math.floor(row), Math.floor(column)];
@@ -218,7 +257,10 @@ function find(rows, columns, row, v, wrap) {
   spot.l = r1 + c1;
 }
 
-/** The opacity, 0 .. 1, of texels of one ink, bytes (rows, columns), at a row and v in [-1, 1], bilinear. */
+/**
+ * The opacity, 0 .. 1, of texels of one ink, bytes (rows, columns), at a row and v in [-1, 1],
+ * bilinear.
+ */
 function opacityAt(alpha, rows, columns, row, v, wrap) {
   find(rows, columns, row, v, wrap);
   const { i, j, k, l, right, down } = spot;
@@ -241,7 +283,10 @@ function colorAt(data, rows, columns, row, v, wrap) {
   return w00 * data[i + 3] + w01 * data[j + 3] + w10 * data[k + 3] + w11 * data[l + 3];
 }
 
-/** Paint a mark over opaque pixels: `image` is an ImageData that shows `clip` [x0, y0, x1, y1] of the canvas. */
+/**
+ * Paint a mark over opaque pixels: `image` is an ImageData that shows `clip` [x0, y0, x1, y1] of
+ * the canvas.
+ */
 function paintMark(mark, view, image, clip) {
   const made = pixelsOf(mark, view, clip);
   if (!made) return;

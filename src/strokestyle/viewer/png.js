@@ -1,4 +1,5 @@
-// Small PNGs, read and written: the textures in the file and the images of strokes that were changed.
+// Small PNGs, read and written: the textures in the file and the images of strokes that were
+// changed.
 
 const PNG_HEAD = [137, 80, 78, 71, 13, 10, 26, 10];
 const CRC = Int32Array.from({ length: 256 }, (_, n) => {
@@ -7,7 +8,9 @@ const CRC = Int32Array.from({ length: 256 }, (_, n) => {
 });
 
 async function piped(bytes, stream) {
-  return new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
+  return new Uint8Array(
+    await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer(),
+  );
 }
 
 function bytesOf(base64) {
@@ -16,11 +19,15 @@ function bytesOf(base64) {
 
 function base64Of(bytes) {
   let text = "";
-  for (let i = 0; i < bytes.length; i += 0x8000) text += String.fromCharCode(...bytes.subarray(i, i + 0x8000));
+  for (let i = 0; i < bytes.length; i += 0x8000)
+    text += String.fromCharCode(...bytes.subarray(i, i + 0x8000));
   return btoa(text);
 }
 
-/** A grey or palette PNG without interlace -> {width, height, index (w * h,), levels, palette}; grey has palette null. */
+/**
+ * A grey or palette PNG without interlace -> {width, height, index (w * h,), levels, palette}; grey
+ * has palette null.
+ */
 async function readPng(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
   if (PNG_HEAD.some((byte, i) => bytes[i] !== byte)) throw new Error("a texture is no PNG");
@@ -32,7 +39,12 @@ async function readPng(bytes) {
     const name = String.fromCharCode(...bytes.subarray(at + 4, at + 8));
     const body = bytes.subarray(at + 8, at + 8 + size);
     if (name === "IHDR")
-      [width, height, bits, type] = [view.getUint32(at + 8), view.getUint32(at + 12), body[8], body[9]];
+      [width, height, bits, type] = [
+        view.getUint32(at + 8),
+        view.getUint32(at + 12),
+        body[8],
+        body[9],
+      ];
     if (name === "PLTE") colors = body;
     if (name === "tRNS") alphas = body;
     if (name === "IDAT") packed.push(body);
@@ -78,7 +90,10 @@ function unfilter(kind, line, above) {
   }
 }
 
-/** Indices (h rows of w) and straight RGBA colours, at most 256, -> PNG bytes; `palette` null writes grey, 8 bits. */
+/**
+ * Indices (h rows of w) and straight RGBA colours, at most 256, -> PNG bytes; `palette` null writes
+ * grey, 8 bits.
+ */
 async function writePng(width, height, index, palette) {
   const bits = palette && palette.length <= 16 ? 4 : 8;
   const stride = Math.ceil((width * bits) / 8);
@@ -105,7 +120,10 @@ async function writePng(width, height, index, palette) {
       ),
     );
   }
-  parts.push(pngChunk("IDAT", await piped(raw, new CompressionStream("deflate"))), pngChunk("IEND", new Uint8Array()));
+  parts.push(
+    pngChunk("IDAT", await piped(raw, new CompressionStream("deflate"))),
+    pngChunk("IEND", new Uint8Array()),
+  );
   return new Uint8Array(await new Blob(parts).arrayBuffer());
 }
 
@@ -121,7 +139,10 @@ function pngChunk(name, body) {
   return out;
 }
 
-/** At most `count` straight RGBA colours for premultiplied pixels, a plane a channel: {palette, index of each}. */
+/**
+ * At most `count` straight RGBA colours for premultiplied pixels, a plane a channel: {palette,
+ * index of each}.
+ */
 function quantised([r, g, b, a], count) {
   const cells = new Map(); // pixels alike to 5 bits a channel
   const cellOf = new Int32Array(a.length);
@@ -138,7 +159,10 @@ function quantised([r, g, b, a], count) {
     cell.sum[3] += a[i];
   }
   // median cut: the box with the widest axis, weighted, is halved until there are enough
-  const list = Array.from(cells.values(), (cell) => ({ ...cell, mean: cell.sum.map((value) => value / cell.n) }));
+  const list = Array.from(cells.values(), (cell) => ({
+    ...cell,
+    mean: cell.sum.map((value) => value / cell.n),
+  }));
   const boxes = [boxed(list)];
   while (boxes.length < count) {
     const widest = boxes.reduce((best, box, i) => (box.weight > boxes[best].weight ? i : best), 0);
@@ -161,7 +185,9 @@ function quantised([r, g, b, a], count) {
       cell.sum.forEach((value, c) => (sum[c] += value));
     }
     const alpha = sum[3] / n;
-    const color = sum.slice(0, 3).map((value) => Math.round(Math.min(255 * (value / Math.max(sum[3], 1e-6)), 255)));
+    const color = sum
+      .slice(0, 3)
+      .map((value) => Math.round(Math.min(255 * (value / Math.max(sum[3], 1e-6)), 255)));
     return [...color, Math.round(255 * alpha)];
   });
   return { palette, index: Uint8Array.from(cellOf, (k) => boxOfCell[k]) };
@@ -172,7 +198,8 @@ function boxed(list) {
   if (list.length > 1) {
     for (let c = 0; c < 4; c++) {
       const values = list.map((cell) => cell.mean[c]);
-      const range = values.reduce((m, v) => Math.max(m, v), -1) - values.reduce((m, v) => Math.min(m, v), 2);
+      const range =
+        values.reduce((m, v) => Math.max(m, v), -1) - values.reduce((m, v) => Math.min(m, v), 2);
       const heavy = range * Math.sqrt(list.reduce((sum, cell) => sum + cell.n, 0));
       if (heavy > weight) [axis, weight] = [c, heavy];
     }

@@ -14,7 +14,15 @@ function profileOf(line, margin) {
   for (const h of half) if (h > widest) widest = h;
   const total = s[s.length - 1];
   const caps = line.closed ? [0, 0] : [half[0], half[half.length - 1]];
-  return { s, half, width: line.width, widest, total, caps, length: Math.max(total + caps[0] + caps[1], 1e-6) };
+  return {
+    s,
+    half,
+    width: line.width,
+    widest,
+    total,
+    caps,
+    length: Math.max(total + caps[0] + caps[1], 1e-6),
+  };
 }
 
 /** The profile of a stroke's own line, kept. */
@@ -26,7 +34,9 @@ function ownProfile(stroke) {
   return stroke.profile;
 }
 
-/** Strips (rows, columns) of a drawing as its reader has them: all on as many columns, bilinearly. */
+/**
+ * Strips (rows, columns) of a drawing as its reader has them: all on as many columns, bilinearly.
+ */
 function wider({ rows, columns: a, alpha, data }, columns) {
   const [channels, texels] = [alpha ? 1 : 4, alpha ?? data];
   const out = new Uint8Array(channels * rows * columns);
@@ -36,7 +46,10 @@ function wider({ rows, columns: a, alpha, data }, columns) {
     const [c1, right] = [Math.min(c0 + 1, a - 1), place - c0];
     for (let r = 0; r < rows; r++) {
       for (let k = 0; k < channels; k++) {
-        const [low, high] = [texels[channels * (r * a + c0) + k], texels[channels * (r * a + c1) + k]];
+        const [low, high] = [
+          texels[channels * (r * a + c0) + k],
+          texels[channels * (r * a + c1) + k],
+        ];
         out[channels * (r * columns + c) + k] = low + right * (high - low) + 0.5;
       }
     }
@@ -45,12 +58,13 @@ function wider({ rows, columns: a, alpha, data }, columns) {
 }
 
 /**
- * The strip of a stroke on `line`, which was made of it, of the profile `now`; `thickness` is the factor by which it grew.
+ * The strip of a stroke on `line`, which was made of it, of the profile `now`; `thickness` is the
+ * factor by which it grew.
  *
- * Along, tone and ink lie by the point where they lay; across, they are stretched with the thickness, but for the soft
- * edge beyond it. Grain keeps its own scale: where it would be stretched by more than STRETCH, it is laid anew. There are
- * no more texels than about `density` a px; as long as it is not Infinity, grain that nobody had time to look at yet may be
- * stretched.
+ * Along, tone and ink lie by the point where they lay; across, they are stretched with the
+ * thickness, but for the soft edge beyond it. Grain keeps its own scale: where it would be
+ * stretched by more than STRETCH, it is laid anew. There are no more texels than about `density` a
+ * px; as long as it is not Infinity, grain that nobody had time to look at yet may be stretched.
  */
 function carried(stroke, line, now, thickness, density) {
   const { strip, margin, stout } = stroke;
@@ -77,7 +91,8 @@ function carried(stroke, line, now, thickness, density) {
       for (let c = 0; 2 * oldHalf * (c + 1) < a && 2 * c < a; c++) {
         const seen = (2 * oldHalf * (c + 1)) / a;
         for (let i = 0; i < channels; i++) {
-          for (const at of [channels * (r * a + c) + i, channels * (r * a + a - 1 - c) + i]) out[at] = seen * out[at] + 0.5;
+          for (const at of [channels * (r * a + c) + i, channels * (r * a + a - 1 - c) + i])
+            out[at] = seen * out[at] + 0.5;
         }
       }
       continue;
@@ -91,7 +106,8 @@ function carried(stroke, line, now, thickness, density) {
     // from both edges to the middle, on either side alike
     for (let c = 0; 2 * c < columns; c++) {
       const away = (1 - (2 * c + 1) / columns) * half;
-      // across: ink stretched by how much thicker the stroke became, its soft edge as wide as it was
+      // across: ink stretched by how much thicker the stroke became, its soft edge as wide as it
+      // was
       const source = away <= core * ratio ? away * thin : core + away - core * ratio;
       // past the old ribbon's edge there is nothing
       const seen = lie.faint[r] * Math.min(oldHalf - source + oldHalf / a, 1);
@@ -107,7 +123,11 @@ function carried(stroke, line, now, thickness, density) {
         continue;
       }
       const beside = Math.round(mirrored(middle - away * kept, a));
-      let opacity = grainAt(grain, between(tone, a - 1 - low, a - 1 - high, right), grain.rank[ranks + a - 1 - beside]);
+      let opacity = grainAt(
+        grain,
+        between(tone, a - 1 - low, a - 1 - high, right),
+        grain.rank[ranks + a - 1 - beside],
+      );
       regrain(out, other, channels, ink, a - 1 - low, a - 1 - high, right, seen, opacity);
       opacity = grainAt(grain, between(tone, low, high, right), grain.rank[ranks + beside]);
       regrain(out, left, channels, ink, low, high, right, seen, opacity);
@@ -123,14 +143,25 @@ function between(values, low, high, share) {
 /** A texel of as many channels, between two of a row, made as faint as is said. */
 function put(out, at, channels, ink, low, high, share, seen) {
   for (let i = 0; i < channels; i++) {
-    out[channels * at + i] = seen * between(ink, channels * low + i, channels * high + i, share) + 0.5;
+    out[channels * at + i] =
+      seen * between(ink, channels * low + i, channels * high + i, share) + 0.5;
   }
 }
 
 /** The same, of another opacity (0 .. 255): that of its grain. */
 function regrain(out, at, channels, ink, low, high, share, seen, opacity) {
   if (channels === 1) out[at] = seen * opacity + 0.5;
-  else put(out, at, 4, ink, low, high, share, (seen * opacity) / Math.max(between(ink, 4 * low + 3, 4 * high + 3, share), 1e-6));
+  else
+    put(
+      out,
+      at,
+      4,
+      ink,
+      low,
+      high,
+      share,
+      (seen * opacity) / Math.max(between(ink, 4 * low + 3, 4 * high + 3, share), 1e-6),
+    );
 }
 
 /** A row of n rows of texels, read between two of them, into `out`. */
@@ -139,12 +170,14 @@ function rowOf(out, texels, row, n, closed) {
   const down = row - low;
   const a = out.length * (low >= 0 ? Math.min(low, n - 1) : closed ? n - 1 : 0);
   const b = out.length * (low + 1 < n ? low + 1 : closed ? 0 : n - 1);
-  for (let i = 0; i < out.length; i++) out[i] = texels[a + i] + down * (texels[b + i] - texels[a + i]);
+  for (let i = 0; i < out.length; i++)
+    out[i] = texels[a + i] + down * (texels[b + i] - texels[a + i]);
 }
 
 /**
- * Where the rows of a new strip lay, each (rows,): `row` of the old strip, `half` width of the ribbon and `oldHalf`, `ratio`
- * of the new width to the old one, and how `faint` the stroke became as it became a hair.
+ * Where the rows of a new strip lay, each (rows,): `row` of the old strip, `half` width of the
+ * ribbon and `oldHalf`, `ratio` of the new width to the old one, and how `faint` the stroke became
+ * as it became a hair.
  */
 function rowsCarried(stroke, line, old, now, rows) {
   const u = floats(rows);
@@ -161,27 +194,39 @@ function rowsCarried(stroke, line, old, now, rows) {
   return { row, ratio, faint, half, oldHalf, oldWidth };
 }
 
-/** Where points at arc lengths u of a line lay, in px of the line that it was: the same point; in a cap, the same share. */
+/**
+ * Where points at arc lengths u of a line lay, in px of the line that it was: the same point; in a
+ * cap, the same share.
+ */
 function placesBefore(u, line, old, now) {
   const [before] = interp(u, now.s, atIndex(old.s, line.was));
   for (let i = 0; i < u.length; i++) {
     if (u[i] < 0) before[i] = (u[i] / Math.max(now.caps[0], 1e-9)) * old.caps[0];
-    else if (u[i] > now.total) before[i] = old.total + ((u[i] - now.total) / Math.max(now.caps[1], 1e-9)) * old.caps[1];
+    else if (u[i] > now.total)
+      before[i] = old.total + ((u[i] - now.total) / Math.max(now.caps[1], 1e-9)) * old.caps[1];
   }
   return before;
 }
 
-/** The rows of a mark's strip at the points of its ribbon, the strip being that of a stroke that was not bent. */
+/**
+ * The rows of a mark's strip at the points of its ribbon, the strip being that of a stroke that was
+ * not bent.
+ */
 function rowsOf({ line, band, strip }, old, now) {
   const u = floats(band.along.length);
-  for (let i = 0; i < u.length; i++) u[i] = (band.along[i] / band.length) * now.length - now.caps[0];
+  for (let i = 0; i < u.length; i++)
+    u[i] = (band.along[i] / band.length) * now.length - now.caps[0];
   const before = placesBefore(u, line, old, now);
   const row = new Float64Array(u.length);
-  for (let i = 0; i < u.length; i++) row[i] = ((before[i] + old.caps[0]) / old.length) * strip.rows - 0.5;
+  for (let i = 0; i < u.length; i++)
+    row[i] = ((before[i] + old.caps[0]) / old.length) * strip.rows - 0.5;
   return row;
 }
 
-/** Where grain that is not stretched lies along the old strip, in rows of it; null where it may be stretched as it is. */
+/**
+ * Where grain that is not stretched lies along the old strip, in rows of it; null where it may be
+ * stretched as it is.
+ */
 function grainRows({ row, ratio, oldWidth }, texel) {
   const rows = row.length;
   const along = floats(rows);
@@ -201,9 +246,9 @@ function much(factor) {
 }
 
 /**
- * A stroke's strip as tone, the mean opacity along it, and grain, a texel's rank among those of about its tone: {tone, rank,
- * sorted: opacities by tone and rank, first, count: of each level of tone, nearest: level that there is, ink: its colours,
- * without gaps}. Made once.
+ * A stroke's strip as tone, the mean opacity along it, and grain, a texel's rank among those of
+ * about its tone: {tone, rank, sorted: opacities by tone and rank, first, count: of each level of
+ * tone, nearest: level that there is, ink: its colours, without gaps}. Made once.
  */
 function grainOf(stroke) {
   return (stroke.grain ??= grainMade(stroke));
@@ -218,7 +263,8 @@ function grainMade(stroke) {
   const bytes = strip.alpha ?? channelOf(data, 3);
   const tone = spreadOut(bytes, rows, columns, sigma, 1, closed);
   const level = new Uint8Array(size);
-  for (let i = 0; i < size; i++) level[i] = Math.min(Math.floor((tone[i] * TONES) / 255), TONES - 1);
+  for (let i = 0; i < size; i++)
+    level[i] = Math.min(Math.floor((tone[i] * TONES) / 255), TONES - 1);
   // sorted by tone, then opacity, by counting
   const place = new Int32Array(256 * TONES + 1);
   for (let i = 0; i < size; i++) place[256 * level[i] + bytes[i] + 1]++;
@@ -232,12 +278,25 @@ function grainMade(stroke) {
     rank[i] = (at - first[level[i]] + 0.5) / count[level[i]];
   }
   const filled = Array.from(count.keys()).filter((k) => count[k]);
-  const nearest = count.map((_, k) => filled.reduce((best, f) => (Math.abs(f - k) < Math.abs(best - k) ? f : best)));
+  const nearest = count.map((_, k) =>
+    filled.reduce((best, f) => (Math.abs(f - k) < Math.abs(best - k) ? f : best)),
+  );
   const ink = data && inkAround(strip, (2 * sigma) / GRAIN, closed);
-  return { tone, rank, sorted, first, count: Int32Array.from(count), nearest: Uint8Array.from(nearest), ink };
+  return {
+    tone,
+    rank,
+    sorted,
+    first,
+    count: Int32Array.from(count),
+    nearest: Uint8Array.from(nearest),
+    ink,
+  };
 }
 
-/** Premultiplied colours of a strip, blurred so that there is ink everywhere, for grain that comes to lie elsewhere. */
+/**
+ * Premultiplied colours of a strip, blurred so that there is ink everywhere, for grain that comes
+ * to lie elsewhere.
+ */
 function inkAround({ rows, columns, data }, sigma, closed) {
   const out = new Float32Array(data.length);
   for (let k = 0; k < 4; k++) {
@@ -255,7 +314,10 @@ function channelOf(data, k) {
   return out;
 }
 
-/** Texels under a Gaussian, of `along` rows and `across` columns; beyond the strip's sides there is nothing. */
+/**
+ * Texels under a Gaussian, of `along` rows and `across` columns; beyond the strip's sides there is
+ * nothing.
+ */
 function spreadOut(values, rows, columns, along, across, closed) {
   const size = values.length;
   const [down, aside] = [gaussian(along), gaussian(across)];
@@ -263,7 +325,8 @@ function spreadOut(values, rows, columns, along, across, closed) {
   const padded = new Float32Array(size + 2 * reach * columns);
   for (let r = -reach; r < rows + reach; r++) {
     const from = closed ? (r + rows * reach) % rows : Math.min(Math.max(r, 0), rows - 1);
-    for (let c = 0; c < columns; c++) padded[(r + reach) * columns + c] = values[from * columns + c];
+    for (let c = 0; c < columns; c++)
+      padded[(r + reach) * columns + c] = values[from * columns + c];
   }
   const [half, out] = [new Float32Array(size), new Float32Array(size)];
   for (let k = -reach; k <= reach; k++) {
@@ -298,7 +361,10 @@ function mirrored(at, n) {
   return n - 1 - Math.abs(at - period * Math.floor(at / period) - (n - 1));
 }
 
-/** The opacity, 0 .. 255, of a tone where the grain has a rank: what is of that tone has at its rank. */
+/**
+ * The opacity, 0 .. 255, of a tone where the grain has a rank: what is of that tone has at its
+ * rank.
+ */
 function grainAt({ sorted, first, count, nearest }, tone, rank) {
   // between two levels of tone, texels take one or the other: a blend of two grains is grey
   const place = Math.min(Math.max((tone * TONES) / 255 - 0.5, 0), TONES - 1);

@@ -1,15 +1,21 @@
-// A texture as true paths, as tones.py makes them: regions of even tone, contoured in u and v and laid along the ribbon.
+// A texture as true paths, as tones.py makes them: regions of even tone, contoured in u and v and
+// laid along the ribbon.
 
-const UNIT = 0.15; // px, of path data; the polygons' points have even numbers of it, so that the middles of sides are whole
+// px, of path data; the polygons' points have even numbers of it, so that the middles of sides are
+// whole
+const UNIT = 0.15;
 const SLACK = 3; // times the tolerance of an outline: how far the edge of a tone may be off
-const HELD = 0.05; // weight of the spline through the points kept, beside 1 for each point of a contour
+// weight of the spline through the points kept, beside 1 for each point of a contour
+const HELD = 0.05;
 const SPECK = 3; // times the slack squared: regions and holes of less area are left out
-const FOLD = 0.97; // of the radius of a bend, from its inside: texels beyond it would be laid upside down
+// of the radius of a bend, from its inside: texels beyond it would be laid upside down
+const FOLD = 0.97;
 const BINS = 64; // bins of opacity for a first look
 const CLEAR = 3 / 255; // opacity that nobody sees
 
-// of a cell's corners a (row, column), b (column + 1), c (both + 1), d (row + 1), those inside, as bits 1, 2, 4, 8:
-// the pieces of contour, from edge to edge (0 a-b, 1 b-c, 2 c-d, 3 d-a), all with the inside on the same hand
+// of a cell's corners a (row, column), b (column + 1), c (both + 1), d (row + 1), those inside, as
+// bits 1, 2, 4, 8: the pieces of contour, from edge to edge (0 a-b, 1 b-c, 2 c-d, 3 d-a), all with
+// the inside on the same hand
 // prettier-ignore
 const PIECES = [
   [], [[3, 0]], [[0, 1]], [[3, 1]], [[1, 2]], [[3, 0], [1, 2]], [[0, 2]], [[3, 2]],
@@ -19,9 +25,13 @@ const PIECES = [
 // prettier-ignore
 const JOINED = { 5: [[3, 2], [1, 0]], 10: [[0, 3], [2, 1]] };
 
-/** Rings [[row, column], ...] round what is above `level` in a field (rows, columns); rows go round and round if `wrap`. */
+/**
+ * Rings [[row, column], ...] round what is above `level` in a field (rows, columns); rows go round
+ * and round if `wrap`.
+ */
 function contours(field, rows, columns, level, wrap) {
-  const [width, height] = [columns + 2, wrap ? rows : rows + 2]; // a rim of nothing, but none where it goes round
+  // a rim of nothing, but none where it goes round
+  const [width, height] = [columns + 2, wrap ? rows : rows + 2];
   const at = (r, c) => {
     const row = wrap ? r % rows : r - 1;
     return c < 1 || c > columns || row < 0 || row >= rows ? 0 : field[row * columns + c - 1];
@@ -64,9 +74,10 @@ function contours(field, rows, columns, level, wrap) {
 }
 
 /**
- * The opacities that a stroke's tones add up to, and the thresholds between them: {level, threshold}, for alpha in 0..255.
- * Least squares on the histogram of opacity, the best of coarse partitions made finer (Lloyd 1982); then all are raised
- * until the stroke is as dark as its texture. Where there are fewer opacities than levels, there are fewer tones.
+ * The opacities that a stroke's tones add up to, and the thresholds between them: {level,
+ * threshold}, for alpha in 0..255. Least squares on the histogram of opacity, the best of coarse
+ * partitions made finer (Lloyd 1982); then all are raised until the stroke is as dark as its
+ * texture. Where there are fewer opacities than levels, there are fewer tones.
  */
 function levelsOf(alpha, count) {
   const [below, mass, square] = [0, 1, 2].map(() => new Float64Array(257));
@@ -99,7 +110,10 @@ function levelsOf(alpha, count) {
   };
 }
 
-/** The means of the parts, above one of no opacity, in which a histogram spreads least: Wang and Song 2011, coarsely. */
+/**
+ * The means of the parts, above one of no opacity, in which a histogram spreads least: Wang and
+ * Song 2011, coarsely.
+ */
 function partitioned(below, mass, square, count) {
   const of = (sums, i, j) => sums[4 * j] - sums[4 * i]; // of bins i to j - 1
   let best = Array.from({ length: BINS + 1 }, (_, j) => square[4 * j]);
@@ -127,7 +141,10 @@ function partitioned(below, mass, square, count) {
   return level;
 }
 
-/** The colour of each tone, so that over those beneath it shows what the texture has there on average. */
+/**
+ * The colour of each tone, so that over those beneath it shows what the texture has there on
+ * average.
+ */
 function tonesColors(strip, alpha, { level, threshold }, ink) {
   const byte = (value) => Math.round(255 * Math.min(Math.max(value, 0), 1));
   if (strip.alpha) return level.map(() => ink.slice(0, 3).map(byte));
@@ -139,14 +156,19 @@ function tonesColors(strip, alpha, { level, threshold }, ink) {
   let [under, clear] = [[0, 0, 0], 1];
   return level.map((value, k) => {
     const left = (1 - value) / Math.max(clear, 1e-6); // of what is beneath
-    const wanted = [0, 1, 2].map((c) => value * (sums[k][3] > 0 ? sums[k][c] / sums[k][3] : ink[c]));
+    const wanted = [0, 1, 2].map(
+      (c) => value * (sums[k][3] > 0 ? sums[k][c] / sums[k][3] : ink[c]),
+    );
     const color = wanted.map((w, c) => byte((w - left * under[c]) / Math.max(1 - left, 1e-3)));
     [under, clear] = [wanted, 1 - value];
     return color;
   });
 }
 
-/** Where a row, of so many, and v in [-1, 1] lie on a ribbon: a function of both. Normals turn evenly round its bends. */
+/**
+ * Where a row, of so many, and v in [-1, 1] lie on a ribbon: a function of both. Normals turn
+ * evenly round its bends.
+ */
 function layOut(band, rows) {
   const { x, y, half, along, length, closed } = band;
   const n = x.length - 1;
@@ -162,7 +184,9 @@ function layOut(band, rows) {
   for (let k = 0; k < n; k++) put(k, 0);
   if (closed) put(0, length);
   const [heading, middle] = [Float64Array.from(headings), Float64Array.from(middles)];
-  const bend = heading.map((h, k) => (k ? (h - heading[k - 1]) / Math.max(middle[k] - middle[k - 1], 1e-9) : 0));
+  const bend = heading.map((h, k) =>
+    k ? (h - heading[k - 1]) / Math.max(middle[k] - middle[k - 1], 1e-9) : 0,
+  );
   // frames at every row, one before them and one after
   const at = Float64Array.from({ length: rows + 2 }, (_, i) => ((i - 0.5) / rows) * length);
   if (!closed) [at[0], at[rows + 1]] = [0, length];
@@ -184,7 +208,8 @@ function layOut(band, rows) {
     const mix = (values) => values[a] + (f - a) * (values[a + 1] - values[a]);
     let across = Math.min(Math.max(v, -1), 1) * mix(reach);
     const curve = mix(curvature);
-    if (across * curve > FOLD) across = FOLD / curve; // inside of a bend all lie on the bend's own centre
+    // inside of a bend all lie on the bend's own centre
+    if (across * curve > FOLD) across = FOLD / curve;
     const heading = mix(angle);
     return [mix(px) - across * Math.sin(heading), mix(py) + across * Math.cos(heading)];
   };
@@ -210,13 +235,17 @@ function writeTones(element, mark, options) {
     const rings = contours(alpha, rows, columns, 255 * levels.threshold[k], band.closed);
     const laid = rings.map((ring) => ring.map(([r, c]) => place(r, (2 * c + 1) / columns - 1)));
     const sizes = laid.map((ring) => Math.abs(areaOf(ring)));
-    const largest = sizes.indexOf(Math.max(...sizes)); // it comes first: from it a reader tells how a stroke was moved
+    // it comes first: from it a reader tells how a stroke was moved
+    const largest = sizes.indexOf(Math.max(...sizes));
     if (largest > 0) laid.unshift(...laid.splice(largest, 1));
     const d = laid.map((ring) => splineText(ring, slack));
     if (!d.some((text) => text)) return;
     const path = element.ownerDocument.createElementNS(SVG, "path");
     const opacity = 1 - (1 - level) / Math.max(k ? 1 - levels.level[k - 1] : 1, 1e-6);
-    path.setAttribute("fill", `#${colors[k].map((byte) => byte.toString(16).padStart(2, "0")).join("")}`);
+    path.setAttribute(
+      "fill",
+      `#${colors[k].map((byte) => byte.toString(16).padStart(2, "0")).join("")}`,
+    );
     path.setAttribute("fill-opacity", numberText(Math.min(Math.max(opacity, 0), 1), 2));
     path.setAttribute("transform", `scale(${numberText(UNIT, 4)})`);
     path.setAttribute("d", d.join(""));
@@ -233,7 +262,10 @@ function areaOf(points) {
   return area;
 }
 
-/** A ring of points as a closed uniform quadratic B-spline within `slack` px of it; nothing where it is a speck. */
+/**
+ * A ring of points as a closed uniform quadratic B-spline within `slack` px of it; nothing where it
+ * is a speck.
+ */
 function splineText(points, slack) {
   if (Math.abs(areaOf(points)) <= SPECK * slack * slack) return "";
   const ring = points.concat([points[0]]);
@@ -260,18 +292,26 @@ function splineText(points, slack) {
 }
 
 /**
- * The control points of the B-spline nearest to a ring, which repeats its first point; near each of the points `kept` lies
- * the middle of its piece. Least squares over all points, by the normal equations, which Gauss and Seidel's steps solve.
+ * The control points of the B-spline nearest to a ring, which repeats its first point; near each of
+ * the points `kept` lies the middle of its piece. Least squares over all points, by the normal
+ * equations, which Gauss and Seidel's steps solve.
  */
 function fitted(x, y, kept) {
   const n = kept.length;
-  // of each control point, what the equations hold of itself, of the next and of the one after that; and their right sides
+  // of each control point, what the equations hold of itself, of the next and of the one after
+  // that; and their right sides
   const [own, next, second] = [0, 1, 2].map(() => new Float64Array(n));
-  const sides = [x, y].map((values) => ({ values, right: new Float64Array(n), at: new Float64Array(n) }));
+  const sides = [x, y].map((values) => ({
+    values,
+    right: new Float64Array(n),
+    at: new Float64Array(n),
+  }));
   for (const { values, right, at } of sides) {
     for (let j = 0; j < n; j++) {
       // at the middle of its piece the spline is (before + 6 here + after) / 8
-      at[j] = 1.25 * values[kept[j]] - 0.125 * (values[kept[(j + n - 1) % n]] + values[kept[(j + 1) % n]]);
+      at[j] =
+        1.25 * values[kept[j]] -
+        0.125 * (values[kept[(j + n - 1) % n]] + values[kept[(j + 1) % n]]);
       right[j] = HELD * at[j];
     }
   }
@@ -279,7 +319,8 @@ function fitted(x, y, kept) {
   for (let j = 0; j < n; j++) {
     const [from, to] = [kept[j], j + 1 < n ? kept[j + 1] : x.length - 1];
     const run = [0];
-    for (let i = from; i < to; i++) run.push(run[i - from] + Math.hypot(x[i + 1] - x[i], y[i + 1] - y[i]));
+    for (let i = from; i < to; i++)
+      run.push(run[i - from] + Math.hypot(x[i + 1] - x[i], y[i + 1] - y[i]));
     for (let i = from; i < to; i++) {
       const share = run[i - from] / Math.max(run[to - from], 1e-9);
       const [middle, t] = share < 0.5 ? [j, share + 0.5] : [(j + 1) % n, share - 0.5];
@@ -298,20 +339,26 @@ function fitted(x, y, kept) {
     for (let round = 0; round < 12; round++) {
       for (let j = 0; j < n; j++) {
         const [a, b, c, d] = [(j + n - 2) % n, (j + n - 1) % n, (j + 1) % n, (j + 2) % n];
-        at[j] = (right[j] - second[a] * at[a] - next[b] * at[b] - next[j] * at[c] - second[j] * at[d]) / own[j];
+        at[j] =
+          (right[j] - second[a] * at[a] - next[b] * at[b] - next[j] * at[c] - second[j] * at[d]) /
+          own[j];
       }
     }
   }
   return kept.map((_, j) => sides.map(({ at }) => at[j]));
 }
 
-/** `simplified` of a ring, which repeats its first point: cut in two where it is widest; the last index is left out. */
+/**
+ * `simplified` of a ring, which repeats its first point: cut in two where it is widest; the last
+ * index is left out.
+ */
 function simplifiedRing(x, y, tolerance) {
   let far = 0;
   for (let i = 1; i < x.length; i++) {
     if (Math.hypot(x[i] - x[0], y[i] - y[0]) > Math.hypot(x[far] - x[0], y[far] - y[0])) far = i;
   }
-  const half = (from, to) => simplified([x.slice(from, to + 1), y.slice(from, to + 1)], tolerance).map((i) => i + from);
+  const half = (from, to) =>
+    simplified([x.slice(from, to + 1), y.slice(from, to + 1)], tolerance).map((i) => i + from);
   if (!far) return [0];
   return half(0, far)
     .slice(0, -1)
