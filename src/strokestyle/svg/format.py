@@ -106,6 +106,7 @@ FORMAT_CONSTANTS = {  # what a program that writes such files besides this one m
     "IMAGE_COLORS": IMAGE_COLORS,
     "STRIP_LEVELS": STRIP_LEVELS,
     "STRIP_COLORS": STRIP_COLORS,
+    "STRIP_LEVELS_FEW": STRIP_LEVELS_FEW,
 }
 
 

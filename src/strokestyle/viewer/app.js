@@ -825,7 +825,8 @@ async function save() {
     const count = sheet.drawing.strokes.filter((stroke) => visible(edit, stroke)).length;
     const left = sheet.drawing.strokes.length - count;
     say(
-      `${link.download}: ${count} strokes${left ? `, ${left} left out` : ""}, ${Math.ceil(text.length / 1000)} kB`,
+      `${link.download}: ${count} strokes${left ? `, ${left} left out` : ""}, ` +
+        `${Math.ceil(text.length / 1000)} kB`,
     );
   } catch (error) {
     say(`Not saved: ${error.message}`);

@@ -1,12 +1,12 @@
 // Our own SVG, read and written anew. The file is parsed as data and never put into the page.
 
-const PATH_SLACK = 0.04; // px a centre line may be off where its attribute leaves points out
-const WIDTH_SLACK = 0.004; // px likewise for widths
-const ALPHAS = 16; // of an image of one ink
-const COLORS = 64; // of another
+const { ATTRIBUTES, PAPER_ID, PATH_SLACK, WIDTH_SLACK } = CONSTANTS.format;
+const { SHARE_DECIMALS, WIDTH_DECIMALS, LANDMARK_DECIMALS } = CONSTANTS.format;
+const { IMAGE_LEVELS_GRAIN, IMAGE_LEVELS_SOFT, IMAGE_COLORS } = CONSTANTS.format;
+const { STRIP_LEVELS, STRIP_LEVELS_FEW, STRIP_COLORS } = CONSTANTS.format;
+const { GRAIN } = CONSTANTS.ink;
 const XLINK = "http://www.w3.org/1999/xlink";
-const PAGE_STRIP = "data-ss-strip"; // a texture that others read off what is drawn: not to be saved
-const SLEEPING = " data-ss-style=";
+const SLEEPING = " data-sleeping-style=";
 const SVG = "http://www.w3.org/2000/svg";
 
 /**
@@ -21,12 +21,14 @@ async function readDrawing(text) {
     "image/svg+xml",
   );
   const root = xml.documentElement;
-  const size = root.getAttribute("data-ss-size").split(" ").map(Number);
+  const size = root.getAttribute(ATTRIBUTES.SIZE).split(" ").map(Number);
   const options = new Map(
-    (root.getAttribute("data-ss-options") ?? "").split(/\s+/).map((pair) => pair.split("=")),
+    (root.getAttribute(ATTRIBUTES.OPTIONS) ?? "").split(/\s+/).map((pair) => pair.split("=")),
   );
-  const paper = xml.getElementById("paper");
-  const strokes = await Promise.all(Array.from(xml.querySelectorAll("[data-ss-path]"), readStroke));
+  const rectangle = xml.getElementById(PAPER_ID);
+  const strokes = await Promise.all(
+    Array.from(xml.querySelectorAll(`[${ATTRIBUTES.PATH}]`), readStroke),
+  );
   const ribbons = strokes.filter((stroke) => stroke.strip);
   const columns = Math.max(...ribbons.map((stroke) => stroke.strip.columns));
   const stout = Math.max(
@@ -36,7 +38,7 @@ async function readDrawing(text) {
     stroke.strip = wider(stroke.strip, columns);
     stroke.stout = stout; // half width by margin, of the drawing's stoutest stroke
   }
-  const background = paper ? paper.getAttribute("fill") : null;
+  const background = rectangle ? rectangle.getAttribute("fill") : null;
   return {
     text,
     xml,
@@ -85,21 +87,21 @@ function layersOf(strokes, partsFirst) {
 }
 
 async function readStroke(element, number) {
-  const [x, y] = readPath(element.getAttribute("data-ss-path"));
-  const closed = element.getAttribute("data-ss-closed") === "1";
+  const [x, y] = readPath(element.getAttribute(ATTRIBUTES.PATH));
+  const closed = element.getAttribute(ATTRIBUTES.CLOSED) === "1";
   const fill = element.getAttribute("fill") ?? "#000000";
   const opacity = Number(
-    element.getAttribute("data-ss-opacity") ?? element.getAttribute("fill-opacity") ?? 1,
+    element.getAttribute(ATTRIBUTES.OPACITY) ?? element.getAttribute("fill-opacity") ?? 1,
   );
   const color = [1, 3, 5].map((i) => parseInt(fill.slice(i, i + 2), 16) / 255).concat(opacity);
-  const kept = element.getAttribute("data-ss-texture") ?? element.getAttribute(PAGE_STRIP);
+  const kept = element.getAttribute(ATTRIBUTES.TEXTURE) ?? element.getAttribute(ATTRIBUTES.STRIP);
   const strip = kept ? readStrip(await readPng(bytesOf(kept))) : null;
-  const line = widened(x, y, element.getAttribute("data-ss-width"), closed);
+  const line = widened(x, y, element.getAttribute(ATTRIBUTES.WIDTH), closed);
   line.was = counting(line.x.length);
-  const margin = Number(element.getAttribute("data-ss-margin") ?? 0);
+  const margin = Number(element.getAttribute(ATTRIBUTES.MARGIN) ?? 0);
   const [kind, part] = [
-    element.getAttribute("data-ss-class"),
-    element.getAttribute("data-ss-part") ?? "",
+    element.getAttribute(ATTRIBUTES.CLASS),
+    element.getAttribute(ATTRIBUTES.PART) ?? "",
   ];
   return { element, number, id: element.id, kind, part, line, color, strip, margin };
 }
@@ -114,8 +116,8 @@ function readPath(data) {
 }
 
 /**
- * A line with the widths of `data-ss-width`: one a point, or "t,w ..." of which every t becomes a
- * point.
+ * A line with the widths of a stroke's width attribute: one a point, or "t,w ..." of which every t
+ * becomes a point.
  */
 function widened(x, y, data, closed) {
   const pairs = data
@@ -201,13 +203,16 @@ function ringsText(rings, decimals) {
  */
 async function writeDrawing(drawing, marks) {
   if (marks.every((mark) => mark && !mark.changed))
-    return drawing.text.replace(/ data-ss-strip="[^"]*"/g, "");
+    return drawing.text.replace(new RegExp(` ${ATTRIBUTES.STRIP}="[^"]*"`, "g"), "");
   const xml = drawing.xml.cloneNode(true);
-  const elements = Array.from(xml.querySelectorAll("[data-ss-path]"));
+  const elements = Array.from(xml.querySelectorAll(`[${ATTRIBUTES.PATH}]`));
+  const anew = marks.filter((mark) => mark?.changed && mark.strip);
+  const vector = drawing.options.get("texture") === "vector";
+  const tones = vector ? tonesOf(anew, drawing.options) : null;
   for (const [i, element] of elements.entries()) {
     if (!marks[i]) removeStroke(element);
-    else if (marks[i].changed) await writeStroke(element, marks[i], drawing.options);
-    element.removeAttribute(PAGE_STRIP);
+    else if (marks[i].changed) await writeStroke(element, marks[i], drawing.options, tones);
+    element.removeAttribute(ATTRIBUTES.STRIP);
   }
   const written = new XMLSerializer()
     .serializeToString(xml.documentElement)
@@ -223,9 +228,9 @@ function removeStroke(element) {
   if (layer.localName === "g" && !layer.children.length) removeStroke(layer);
 }
 
-async function writeStroke(element, mark, options) {
-  const decimals = Number(options.get("decimals") ?? 2);
-  const tolerance = Number(options.get("tolerance") ?? 0.1);
+async function writeStroke(element, mark, options, tones) {
+  const decimals = Number(options.get("decimals") ?? CONSTANTS.options.decimals);
+  const tolerance = Number(options.get("tolerance") ?? CONSTANTS.options.tolerance);
   const { line } = mark;
   const along = arcLength(line.x, line.y);
   const total = along[along.length - 1];
@@ -233,35 +238,37 @@ async function writeStroke(element, mark, options) {
   const keep = simplified([along, line.width], WIDTH_SLACK);
   const pairs = keep.map(
     (i) =>
-      `${numberText(total ? along[i] / total : i && 1, 5)},${numberText(line.width[i], decimals)}`,
+      `${numberText(total ? along[i] / total : i && 1, SHARE_DECIMALS)},` +
+      numberText(line.width[i], WIDTH_DECIMALS),
   );
   element.setAttribute(
-    "data-ss-path",
+    ATTRIBUTES.PATH,
     pathText(
       points.map((i) => line.x[i]),
       points.map((i) => line.y[i]),
       decimals,
     ),
   );
-  element.setAttribute("data-ss-width", pairs.join(" "));
-  if (mark.strip) await writeTexture(element, mark, options);
+  element.setAttribute(ATTRIBUTES.WIDTH, pairs.join(" "));
+  if (mark.strip) await writeTexture(element, mark, options, tones);
   else element.setAttribute("d", ringsText(outlineOf(line, tolerance), decimals));
   const places = drawnAt(mark.strip ? element.querySelector("path, image") : element);
   if (places)
     element.setAttribute(
-      "data-ss-at",
-      places.map((xy) => xy.map((p) => numberText(p, 3)).join(",")).join(" "),
+      ATTRIBUTES.AT,
+      places.map((xy) => xy.map((p) => numberText(p, LANDMARK_DECIMALS)).join(",")).join(" "),
     );
-  else element.removeAttribute("data-ss-at");
+  else element.removeAttribute(ATTRIBUTES.AT);
 }
 
-async function writeTexture(element, mark, options) {
-  element.removeAttribute("data-ss-texture");
+async function writeTexture(element, mark, options, tones) {
+  element.removeAttribute(ATTRIBUTES.TEXTURE);
   if (overlaps(mark.band, mark.stroke.margin)) {
-    const png = mark.strip.alpha ? await greyPng(mark.strip) : await colorPng(mark.strip);
-    element.setAttribute("data-ss-texture", base64Of(png));
+    const levels = options.get("texture") === "vector" ? STRIP_LEVELS_FEW : STRIP_LEVELS;
+    const png = await (mark.strip.alpha ? greyPng(mark.strip, levels) : colorPng(mark.strip));
+    element.setAttribute(ATTRIBUTES.TEXTURE, base64Of(png));
   }
-  if (options.get("texture") === "vector") writeTones(element, mark, options);
+  if (options.get("texture") === "vector") writeTones(element, tones.get(mark));
   else await writeImage(element, mark, options);
 }
 
@@ -300,7 +307,7 @@ function drawnAt(shape) {
   const along = arcLength(x, y);
   const wanted = [0, 0.25, 0.5, 0.75].map((share) => share * along[along.length - 1]);
   const [atX, atY] = interp(wanted, along, x, y);
-  const unit = shape.hasAttribute("transform") ? UNIT : 1; // of tones
+  const unit = shape.hasAttribute("transform") ? TONE_UNIT : 1; // of tones
   const places = Array.from(atX, (value, i) => [value * unit, atY[i] * unit]);
   return [...places, [Math.abs(areaOf(ring)) * unit * unit]];
 }
@@ -314,11 +321,26 @@ function curvePoint(points, t) {
   );
 }
 
-function greyPng({ rows, columns, alpha }) {
+/** A strip of one ink as a grey PNG of 4 bits, in so many levels. */
+function greyPng({ rows, columns, alpha }, levels) {
   const index = new Uint8Array(rows * columns);
-  for (let r = 0; r < rows; r++)
-    for (let c = 0; c < columns; c++) index[c * rows + r] = alpha[r * columns + c];
+  for (let r = 0; r < rows; r++) {
+    for (let c = 0; c < columns; c++) {
+      const level = Math.round((alpha[r * columns + c] / 255) * (levels - 1)) / (levels - 1);
+      index[c * rows + r] = Math.round((STRIP_LEVELS - 1) * level);
+    }
+  }
   return writePng(rows, columns, index, null);
+}
+
+/** The change of a strip's opacity from one texel to the next along it, of the mean opacity. */
+function changeAlong({ rows, columns, alpha }) {
+  let [change, amount] = [0, 0];
+  for (let i = 0; i < rows * columns; i++) {
+    amount += alpha[i];
+    if (i >= columns) change += Math.abs(alpha[i] - alpha[i - columns]);
+  }
+  return change / Math.max(amount, 1e-9);
 }
 
 function colorPng({ rows, columns, data }) {
@@ -330,25 +352,32 @@ function colorPng({ rows, columns, data }) {
       }
     }
   }
-  const { palette, index } = quantised(planes, 255);
+  const { palette, index } = quantised(planes, STRIP_COLORS);
   return writePng(rows, columns, index, palette);
 }
 
 /** The stroke as a raster of its own. */
 async function writeImage(element, mark, options) {
-  const resolution = Number(options.get("texture_res") ?? 1.75);
+  const resolution = Number(options.get("texture_res") ?? CONSTANTS.options.texture_res);
   const view = { scale: resolution, x: 0, y: 0 };
   const made = pixelsOf(mark, view, boxOf(mark, view));
   let png;
   if (mark.strip.alpha) {
     const ink = mark.color.slice(0, 3).map((c) => Math.round(255 * c));
-    const palette = Array.from({ length: ALPHAS }, (_, k) => [
+    const levels = changeAlong(mark.strip) > GRAIN ? IMAGE_LEVELS_GRAIN : IMAGE_LEVELS_SOFT;
+    // a faint stroke has as many levels
+    const most = Math.max(
+      made.a.subarray(0, made.count).reduce((m, a) => Math.max(m, a), 0),
+      1e-6,
+    );
+    const palette = Array.from({ length: levels }, (_, k) => [
       ...ink,
-      Math.round((255 * k) / (ALPHAS - 1)),
+      Math.round((255 * most * k) / (levels - 1)),
     ]);
     const index = new Uint8Array(made.w * made.h);
-    for (let k = 0; k < made.count; k++)
-      index[made.place[k]] = Math.round(made.a[k] * (ALPHAS - 1));
+    for (let k = 0; k < made.count; k++) {
+      index[made.place[k]] = Math.round((made.a[k] / most) * (levels - 1));
+    }
     png = await writePng(made.w, made.h, index, palette);
   } else {
     const planes = ["r", "g", "b", "a"].map((name) => {
@@ -356,13 +385,13 @@ async function writeImage(element, mark, options) {
       for (let k = 0; k < made.count; k++) plane[made.place[k]] = made[name][k];
       return plane;
     });
-    const { palette, index } = quantised(planes, COLORS);
+    const { palette, index } = quantised(planes, IMAGE_COLORS);
     png = await writePng(made.w, made.h, index, palette);
   }
   const box = { x: made.x0, y: made.y0, width: made.w, height: made.h };
   const image = element.ownerDocument.createElementNS(SVG, "image");
   for (const [name, value] of Object.entries(box))
-    image.setAttribute(name, numberText(value / resolution, 3));
+    image.setAttribute(name, numberText(value / resolution, LANDMARK_DECIMALS));
   image.setAttribute("preserveAspectRatio", "none");
   image.setAttributeNS(XLINK, "xlink:href", `data:image/png;base64,${base64Of(png)}`);
   element.removeAttribute("clip-path");

@@ -1,11 +1,10 @@
-// Centre lines, ribbons and edits, as ribbons.py and strokes.py have them. A line is {x, y, width,
+// Centre lines, ribbons and edits, as ribbon.py and edit.py have them. A line is {x, y, width,
 // closed}: typed arrays, pixels of the drawing; a closed one repeats its first point as its last.
 // Nothing here is ever changed in place.
 
-const STIFFNESS = 0.35; // of a ribbon's half width: sigma of its centre line's smoothing
-const NARROWING = 0.25; // px a px: the most by which a ribbon's half width falls along it
+const { STIFFNESS, NARROWING, MAX_SPACING } = CONSTANTS.ribbon;
 const THIN = 0.01; // px that a point left out of a ribbon may lie off
-const STEP = 3; // px between the points of a line that is drawn anew
+const { STEP } = CONSTANTS.edit;
 
 /**
  * Memory for arrays that nobody keeps, used again and again: thousands of them a frame would keep
@@ -204,7 +203,7 @@ function halfWidths({ width, closed }, s, margin) {
 }
 
 /**
- * Whether a ribbon lies on ink of its own elsewhere, as ribbons.py has it; `margin` of its half
+ * Whether a ribbon lies on ink of its own elsewhere, as ribbon.py has it; `margin` of its half
  * width holds none.
  */
 function overlaps({ x, y, half, along, length, closed }, margin) {
@@ -237,7 +236,10 @@ function stiffened(x, y, half, closed, step) {
   sorted.sort();
   const middle = sorted.length >> 1;
   const median = sorted.length % 2 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
-  const count = Math.max(3, Math.ceil(total / Math.max(step, Math.min(STIFFNESS * median, 3))));
+  const count = Math.max(
+    3,
+    Math.ceil(total / Math.max(step, Math.min(STIFFNESS * median, MAX_SPACING))),
+  );
   const sigma = (STIFFNESS * median * count) / total;
   const at = floats(count + 1);
   for (let i = 0; i <= count; i++) at[i] = (total * i) / count;
@@ -335,7 +337,7 @@ function thinned(band, slack) {
 }
 
 // ------------------------------------------------------------------------------------------- edits
-// as edits.py makes them, in this order: points moved one after another, wiggle, thickness
+// as edit.py makes them, in this order: points moved one after another, wiggle, thickness
 
 /** Columns smoothed by a Gaussian of `sigma` px along a line; open lines keep their ends. */
 function smoothedAlong(x, y, s, sigma, closed) {

@@ -1,7 +1,7 @@
-// Outlines of strokes as smooth cubics, as outlines.py and cubics.py make them; and the texture's
+// Outlines of strokes as smooth cubics, as outline.py makes them; and the texture's
 // tones as paths.
 
-const FIT_STEP = 1.5; // px between the points of an outline that its cubics are fitted to
+const { FIT_STEP } = CONSTANTS.outline;
 
 /**
  * The offset of a closed walk p with radii r to the side (-t_y, t_x): {x, y, hard}, a polygon and

@@ -1,6 +1,8 @@
-"""A page to look at drawings and play with them: one HTML file that needs no server and asks the network for nothing.
+"""Make a page to look at drawings and play with them.
 
-What the page does lies beside this file, a script in parts that know each other by name, in this order.
+It is one HTML file that needs no server and asks the network for nothing. What it does lies beside
+this file: scripts that know each other by name, and take what they share with Python from
+`CONSTANTS`, which stands before them.
 """
 
 from __future__ import annotations
@@ -11,26 +13,29 @@ import html
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 from .. import __version__
+from .constants import shared_constants
 
 FOLDER = Path(__file__).parent
-PAINTER = (
-    "geometry.js",
-    "paint.js",
-    "strips.js",
-    "marks.js",
-)  # the script of the page's workers as well
+# in the order in which they stand; the first are the script of the page's workers as well
+PAINTER = ("geometry.js", "paint.js", "strips.js", "marks.js")
 SCRIPTS = ("outline.js", "png.js", "tones.js", "document.js", "app.js")
 
 
 def page_html(drawings: list[tuple[str, str]]) -> str:
-    """The page that shows drawings.
+    """Make the page that shows drawings.
 
     Parameters
     ----------
-    drawings : (name, SVG text) of each. The text must come from `write_svg` with `strips`: the page trusts its form. It
-        is data there, never markup, and the page's content security policy lets nothing run but the page's own script.
+    drawings : (name, SVG text) of each. The text must come from `write_svg` with `strips`: the page
+        trusts its form. It is data there, never markup, and the page's content security policy
+        lets nothing run but the page's own script.
+
+    Returns
+    -------
+    the text of an HTML file
 
     Raises
     ------
@@ -40,9 +45,9 @@ def page_html(drawings: list[tuple[str, str]]) -> str:
     if not drawings:
         raise ValueError("a page needs at least one drawing")
     style = _text("page.css")
-    painter, script = (
-        '"use strict";\n' + "".join(map(_text, names)) for names in (PAINTER, SCRIPTS)
-    )
+    constants = f"const CONSTANTS = {json.dumps(shared_constants())};\n"
+    painter = '"use strict";\n' + constants + "".join(map(_text, PAINTER))
+    script = '"use strict";\n' + "".join(map(_text, SCRIPTS))
     parts = {
         "policy": "; ".join(
             (
@@ -76,6 +81,6 @@ def _hash(text: str) -> str:
     )
 
 
-def _json(value) -> str:
+def _json(value: Any) -> str:
     """JSON that can stand inside a script element: nothing in it ends that element."""
     return json.dumps(value, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")

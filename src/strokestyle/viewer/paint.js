@@ -1,4 +1,4 @@
-// The raster of a drawing, as painting.py makes it: every pixel finds its place in the ribbon and
+// The raster of a drawing, as raster.py makes it: every pixel finds its place in the ribbon and
 // reads the texture there.
 //
 // A mark is one stroke ready to be painted: {line, band, strip, color}, lengths in pixels of the

@@ -95,7 +95,7 @@ function unfilter(kind, line, above) {
  * grey, 8 bits.
  */
 async function writePng(width, height, index, palette) {
-  const bits = palette && palette.length <= 16 ? 4 : 8;
+  const bits = !palette || palette.length <= 16 ? 4 : 8;
   const stride = Math.ceil((width * bits) / 8);
   const raw = new Uint8Array(height * (stride + 1));
   for (let row = 0; row < height; row++) {

@@ -1,9 +1,6 @@
-// Textures carried from a stroke to what an edit made of it, as edits.py does it.
+// Textures carried from a stroke to what an edit made of it, as strip.py does it.
 
-const MAX_COLUMNS = 256; // texels across a strip
-const STRETCH = 1.3; // the most by which grain is stretched
-const GRAIN = 15; // px along a stroke, blur that tells tone from grain
-const TONES = 24; // levels of tone
+const { MAX_COLUMNS, MAX_STRETCH, TONE_BLUR, TONE_LEVELS } = CONSTANTS.strip;
 const SAME = 0.01; // px of half width: less is no change
 
 /** Arc length, half width of the ribbon and width at the points of a line. */
@@ -63,8 +60,9 @@ function wider({ rows, columns: a, alpha, data }, columns) {
  *
  * Along, tone and ink lie by the point where they lay; across, they are stretched with the
  * thickness, but for the soft edge beyond it. Grain keeps its own scale: where it would be
- * stretched by more than STRETCH, it is laid anew. There are no more texels than about `density` a
- * px; as long as it is not Infinity, grain that nobody had time to look at yet may be stretched.
+ * stretched by more than MAX_STRETCH, it is laid anew. There are no more texels than about
+ * `density` a px; as long as it is not Infinity, grain that nobody had time to look at yet may be
+ * stretched.
  */
 function carried(stroke, line, now, thickness, density) {
   const { strip, margin, stout } = stroke;
@@ -72,7 +70,7 @@ function carried(stroke, line, now, thickness, density) {
   const { closed } = line;
   const old = ownProfile(stroke);
   const growth = (thickness * stout + 1) / (stout + 1); // of the drawing's ribbons, at most
-  const most = growth < STRETCH ? a : Math.min(Math.ceil(a * growth), MAX_COLUMNS);
+  const most = growth < MAX_STRETCH ? a : Math.min(Math.ceil(a * growth), MAX_COLUMNS);
   const few = Math.max(4, Math.ceil(2 * now.widest * density));
   const columns = 1.5 * few < most ? few : most;
   const rows = Math.max(2, Math.round((Math.min(density, 1) * n * now.length) / old.length));
@@ -102,7 +100,7 @@ function carried(stroke, line, now, thickness, density) {
     const core = Math.max(oldHalf - margin, 0);
     const thin = 1 / Math.max(ratio, 1e-9);
     const texels = a / (2 * oldHalf); // a px
-    const kept = texels / Math.min(Math.max(ratio, 1 / STRETCH), STRETCH);
+    const kept = texels / Math.min(Math.max(ratio, 1 / MAX_STRETCH), MAX_STRETCH);
     // from both edges to the middle, on either side alike
     for (let c = 0; 2 * c < columns; c++) {
       const away = (1 - (2 * c + 1) / columns) * half;
@@ -236,13 +234,13 @@ function grainRows({ row, ratio, oldWidth }, texel) {
     const b = r < rows - 1 ? r + 1 : r;
     const rate = rows > 2 ? (row[b] - row[a]) / (b - a) / texel : 1;
     stretched ||= much(rate) || (oldWidth[r] > 0.5 && much(ratio[r]));
-    along[r] = sum += Math.min(Math.max(rate, 1 / STRETCH), STRETCH) * texel;
+    along[r] = sum += Math.min(Math.max(rate, 1 / MAX_STRETCH), MAX_STRETCH) * texel;
   }
   return stretched ? along : null;
 }
 
 function much(factor) {
-  return factor < 1 / STRETCH || factor > STRETCH;
+  return factor < 1 / MAX_STRETCH || factor > MAX_STRETCH;
 }
 
 /**
@@ -257,20 +255,20 @@ function grainOf(stroke) {
 function grainMade(stroke) {
   const { strip } = stroke;
   const { closed } = stroke.line;
-  const sigma = (GRAIN * strip.rows) / ownProfile(stroke).length;
+  const sigma = (TONE_BLUR * strip.rows) / ownProfile(stroke).length;
   const { rows, columns, data } = strip;
   const size = rows * columns;
   const bytes = strip.alpha ?? channelOf(data, 3);
   const tone = spreadOut(bytes, rows, columns, sigma, 1, closed);
   const level = new Uint8Array(size);
   for (let i = 0; i < size; i++)
-    level[i] = Math.min(Math.floor((tone[i] * TONES) / 255), TONES - 1);
+    level[i] = Math.min(Math.floor((tone[i] * TONE_LEVELS) / 255), TONE_LEVELS - 1);
   // sorted by tone, then opacity, by counting
-  const place = new Int32Array(256 * TONES + 1);
+  const place = new Int32Array(256 * TONE_LEVELS + 1);
   for (let i = 0; i < size; i++) place[256 * level[i] + bytes[i] + 1]++;
-  for (let i = 0; i < 256 * TONES; i++) place[i + 1] += place[i];
-  const first = Int32Array.from({ length: TONES }, (_, k) => place[256 * k]);
-  const count = Array.from(first, (from, k) => (k < TONES - 1 ? first[k + 1] : size) - from);
+  for (let i = 0; i < 256 * TONE_LEVELS; i++) place[i + 1] += place[i];
+  const first = Int32Array.from({ length: TONE_LEVELS }, (_, k) => place[256 * k]);
+  const count = Array.from(first, (from, k) => (k < TONE_LEVELS - 1 ? first[k + 1] : size) - from);
   const [rank, sorted] = [new Float32Array(size), new Uint8Array(size)];
   for (let i = 0; i < size; i++) {
     const at = place[256 * level[i] + bytes[i]]++;
@@ -281,7 +279,7 @@ function grainMade(stroke) {
   const nearest = count.map((_, k) =>
     filled.reduce((best, f) => (Math.abs(f - k) < Math.abs(best - k) ? f : best)),
   );
-  const ink = data && inkAround(strip, (2 * sigma) / GRAIN, closed);
+  const ink = data && inkAround(strip, (2 * sigma) / TONE_BLUR, closed);
   return {
     tone,
     rank,
@@ -367,8 +365,8 @@ function mirrored(at, n) {
  */
 function grainAt({ sorted, first, count, nearest }, tone, rank) {
   // between two levels of tone, texels take one or the other: a blend of two grains is grey
-  const place = Math.min(Math.max((tone * TONES) / 255 - 0.5, 0), TONES - 1);
+  const place = Math.min(Math.max((tone * TONE_LEVELS) / 255 - 0.5, 0), TONE_LEVELS - 1);
   const dither = rank * 7919;
-  const k = nearest[Math.min(Math.floor(place + dither - Math.floor(dither)), TONES - 1)];
+  const k = nearest[Math.min(Math.floor(place + dither - Math.floor(dither)), TONE_LEVELS - 1)];
   return sorted[first[k] + Math.min(Math.floor(rank * count[k]), count[k] - 1)];
 }

@@ -1,17 +1,9 @@
 // A texture as true paths, as tones.py makes them: regions of even tone, contoured in u and v and
 // laid along the ribbon.
 
-// px, of path data; the polygons' points have even numbers of it, so that the middles of sides are
-// whole
-const UNIT = 0.15;
-const SLACK = 3; // times the tolerance of an outline: how far the edge of a tone may be off
-// weight of the spline through the points kept, beside 1 for each point of a contour
-const HELD = 0.05;
-const SPECK = 3; // times the slack squared: regions and holes of less area are left out
-// of the radius of a bend, from its inside: texels beyond it would be laid upside down
-const FOLD = 0.97;
-const BINS = 64; // bins of opacity for a first look
-const CLEAR = 3 / 255; // opacity that nobody sees
+const { TONE_UNIT } = CONSTANTS.format;
+const { SLACK, MAX_POINTS, MAX_SLACK, HELD, SPECK, FOLD, COARSE_BINS, CLEAR } = CONSTANTS.tones;
+const BIN = 256 / COARSE_BINS; // levels of opacity in a bin of a first look
 
 // of a cell's corners a (row, column), b (column + 1), c (both + 1), d (row + 1), those inside, as
 // bits 1, 2, 4, 8: the pieces of contour, from edge to edge (0 a-b, 1 b-c, 2 c-d, 3 d-a), all with
@@ -115,11 +107,11 @@ function levelsOf(alpha, count) {
  * Song 2011, coarsely.
  */
 function partitioned(below, mass, square, count) {
-  const of = (sums, i, j) => sums[4 * j] - sums[4 * i]; // of bins i to j - 1
-  let best = Array.from({ length: BINS + 1 }, (_, j) => square[4 * j]);
+  const of = (sums, i, j) => sums[BIN * j] - sums[BIN * i]; // of bins i to j - 1
+  let best = Array.from({ length: COARSE_BINS + 1 }, (_, j) => square[BIN * j]);
   const cuts = [];
   for (let k = 0; k < count; k++) {
-    const from = new Int32Array(BINS + 1);
+    const from = new Int32Array(COARSE_BINS + 1);
     best = best.map((_, j) => {
       let least = Infinity;
       for (let i = 0; i <= j; i++) {
@@ -132,7 +124,7 @@ function partitioned(below, mass, square, count) {
     cuts.push(from);
   }
   const level = [];
-  for (let k = count - 1, end = BINS; k >= 0; k--) {
+  for (let k = count - 1, end = COARSE_BINS; k >= 0; k--) {
     const begin = cuts[k][end];
     level.unshift(of(mass, begin, end) / Math.max(of(below, begin, end), 1e-9));
     end = begin;
@@ -220,37 +212,79 @@ function turnBetween(from, to) {
   return Math.atan2(Math.sin(to - from), Math.cos(to - from));
 }
 
-/** A stroke's texture in `tones` tones, in place of those that were there. */
-function writeTones(element, mark, options) {
-  const count = Number(options.get("tones") ?? 3);
-  const slack = SLACK * Number(options.get("tolerance") ?? 0.1);
-  const { strip, band } = mark;
+/**
+ * The tones of marks, Map of mark -> [{color, opacity, rings}], the lightest first. Their rings are
+ * simplified together: where they had more than MAX_POINTS, the slack grows, to MAX_SLACK at most.
+ */
+function tonesOf(marks, options) {
+  const count = Number(options.get("tones") ?? CONSTANTS.options.tones);
+  const tolerance = Number(options.get("tolerance") ?? CONSTANTS.options.tolerance);
+  const made = new Map(marks.map((mark) => [mark, regionsOf(mark, count)]));
+  const rings = Array.from(made.values()).flatMap((tones) => tones.flatMap((tone) => tone.rings));
+  simplifyRings(rings, SLACK * tolerance);
+  return made;
+}
+
+/** A stroke's texture in so many tones, their edges as rings {x, y, area, kept}. */
+function regionsOf({ strip, band, color }, count) {
   const { rows, columns } = strip;
   const alpha = strip.alpha ?? strip.data.filter((_, i) => i % 4 === 3);
   const levels = levelsOf(alpha, count);
-  const colors = tonesColors(strip, alpha, levels, mark.color);
+  const colors = tonesColors(strip, alpha, levels, color);
   const place = layOut(band, rows);
-  element.replaceChildren();
-  levels.level.forEach((level, k) => {
-    const rings = contours(alpha, rows, columns, 255 * levels.threshold[k], band.closed);
-    const laid = rings.map((ring) => ring.map(([r, c]) => place(r, (2 * c + 1) / columns - 1)));
-    const sizes = laid.map((ring) => Math.abs(areaOf(ring)));
-    // it comes first: from it a reader tells how a stroke was moved
-    const largest = sizes.indexOf(Math.max(...sizes));
-    if (largest > 0) laid.unshift(...laid.splice(largest, 1));
-    const d = laid.map((ring) => splineText(ring, slack));
-    if (!d.some((text) => text)) return;
-    const path = element.ownerDocument.createElementNS(SVG, "path");
-    const opacity = 1 - (1 - level) / Math.max(k ? 1 - levels.level[k - 1] : 1, 1e-6);
-    path.setAttribute(
-      "fill",
-      `#${colors[k].map((byte) => byte.toString(16).padStart(2, "0")).join("")}`,
+  return levels.level.map((level, k) => {
+    const contoured = contours(alpha, rows, columns, 255 * levels.threshold[k], band.closed);
+    const rings = contoured.map((ring) =>
+      ringOf(ring.map(([r, c]) => place(r, (2 * c + 1) / columns - 1))),
     );
-    path.setAttribute("fill-opacity", numberText(Math.min(Math.max(opacity, 0), 1), 2));
-    path.setAttribute("transform", `scale(${numberText(UNIT, 4)})`);
-    path.setAttribute("d", d.join(""));
-    element.append("\n", path);
+    // the largest comes first: from it a reader tells how a stroke was moved
+    const largest = rings.reduce((best, { area }, i) => (area > rings[best].area ? i : best), 0);
+    if (largest) rings.unshift(...rings.splice(largest, 1));
+    const opacity = 1 - (1 - level) / Math.max(k ? 1 - levels.level[k - 1] : 1, 1e-6);
+    return { color: colors[k], opacity: Math.min(Math.max(opacity, 0), 1), rings };
   });
+}
+
+/** Points as a ring: x and y repeat the first point; `kept` are the points that are needed. */
+function ringOf(points) {
+  const [x, y] = [0, 1].map((k) => Float64Array.from([...points, points[0]], (point) => point[k]));
+  return { x, y, area: Math.abs(areaOf(points)), kept: Array.from(points.keys()) };
+}
+
+/**
+ * Keep of rings the points that a slack, px, needs, and within MAX_POINTS of them; of specks none.
+ */
+function simplifyRings(rings, slack) {
+  for (;;) {
+    let count = 0;
+    for (const ring of rings) {
+      const { x, y, kept } = ring;
+      if (ring.area <= SPECK * slack * slack) ring.kept = [];
+      else {
+        const all = [...kept, x.length - 1];
+        ring.kept = simplifiedRing(taken(x, all), taken(y, all), slack).map((i) => all[i]);
+      }
+      count += ring.kept.length;
+    }
+    if (count <= MAX_POINTS || slack >= MAX_SLACK) return;
+    slack = Math.min(MAX_SLACK, slack * Math.max(1.1, (count / MAX_POINTS) ** 0.6));
+  }
+}
+
+/** A stroke's tones, as `tonesOf` made them, in place of those that were there. */
+function writeTones(element, tones) {
+  element.replaceChildren();
+  for (const { color, opacity, rings } of tones) {
+    const d = rings.map(splineText).join("");
+    if (!d) continue;
+    const path = element.ownerDocument.createElementNS(SVG, "path");
+    const hex = color.map((byte) => byte.toString(16).padStart(2, "0")).join("");
+    path.setAttribute("fill", `#${hex}`);
+    path.setAttribute("fill-opacity", numberText(opacity, 2));
+    path.setAttribute("transform", `scale(${numberText(TONE_UNIT, 4)})`);
+    path.setAttribute("d", d);
+    element.append("\n", path);
+  }
 }
 
 function areaOf(points) {
@@ -262,16 +296,11 @@ function areaOf(points) {
   return area;
 }
 
-/**
- * A ring of points as a closed uniform quadratic B-spline within `slack` px of it; nothing where it
- * is a speck.
- */
-function splineText(points, slack) {
-  if (Math.abs(areaOf(points)) <= SPECK * slack * slack) return "";
-  const ring = points.concat([points[0]]);
-  const [x, y] = [0, 1].map((k) => Float64Array.from(ring, (point) => point[k]));
-  let polygon = fitted(x, y, simplifiedRing(x, y, slack));
-  polygon = polygon.map((point) => point.map((value) => Math.round(value / (2 * UNIT))));
+/** A simplified ring as a closed uniform quadratic B-spline; nothing where it is a speck. */
+function splineText({ x, y, kept }) {
+  if (!kept.length) return "";
+  let polygon = fitted(x, y, kept);
+  polygon = polygon.map((point) => point.map((value) => Math.round(value / (2 * TONE_UNIT))));
   polygon = polygon.filter(([px, py], i) => {
     const last = polygon[(i + polygon.length - 1) % polygon.length];
     return px !== last[0] || py !== last[1];
