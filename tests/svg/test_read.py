@@ -1,4 +1,7 @@
-"""Our files read back: as written, as Inkscape, scour and svgo leave them (tests/svg_programs.py), and damaged."""
+"""Our files read back: as written, as other programs leave them, and damaged.
+
+The programs are Inkscape, scour and svgo: tests/svg_programs.py.
+"""
 
 import gzip
 import importlib.util
@@ -46,14 +49,15 @@ def in_paint_order(drawing):
     return np.argsort(-drawing.strokes.kind, kind="stable")
 
 
-# -------------------------------------------------------------------------------------------------------- round trip
+# --------------------------------------------------------------------------------------- round trip
 
 
 @pytest.mark.parametrize("layers", ["kind", "none"])
 @pytest.mark.parametrize("encoding, texture", ENCODINGS)
 def test_write_read_write_gives_the_same_bytes(encoding, texture, layers):
     options = SvgOptions(
-        texture=encoding, layers=layers, title='a "b" & <c>', description="é", author="A & B", license="CC-BY-SA-4.0",
+        texture=encoding, layers=layers, title='a "b" & <c>', description="é", author="A & B",
+        license="CC-BY-SA-4.0",
         background="#fffaf0", page_size="A5", decimals=3, texture_res=1.5,
     )  # fmt: skip
     first = write_svg(small(texture), options)
@@ -86,7 +90,8 @@ def test_what_is_read_is_what_was_written(encoding, texture):
             and got.strokes.kind[k] == drawing.strokes.kind[i]
         )
         assert got.color[k] == pytest.approx(drawing.color[i], abs=0.001)
-    # texture is read off what is drawn: blocky noise in three tones, or in images of 1.5 pixels a pixel
+    # texture is read off what is drawn: blocky noise in three tones, or in images of 1.5 pixels a
+    # pixel
     shown = rendered(write_svg(drawing, texture=encoding)) if texture else seen(drawing)
     blank = np.abs(255 - seen(drawing)).mean()
     assert (
@@ -148,7 +153,7 @@ def test_ids_are_kept_unless_they_are_none_or_taken():
     assert read_svg_file(text).ids == tuple(found)
 
 
-# ---------------------------------------------------------------------------------------------------- other programs
+# ----------------------------------------------------------------------------------- other programs
 
 
 @pytest.mark.parametrize("encoding", SMALL)
@@ -234,7 +239,7 @@ def test_a_hand_in_inkscape_itself(tmp_path):
     )
 
 
-# -------------------------------------------------------------------------------------------------- what a hand may do
+# ------------------------------------------------------------------------------- what a hand may do
 
 
 def edited(encoding="image", texture="grain", **changes):
@@ -264,7 +269,10 @@ def test_layer_transforms_are_composed(encoding, texture, transform):
 
 
 def test_transforms_nest_and_scale_widths_by_the_root_of_their_determinant():
-    body = '<g transform="scale(2 8)"><g transform="translate(1 1)"><path transform="rotate(90)" {}/></g></g>'
+    body = (
+        '<g transform="scale(2 8)"><g transform="translate(1 1)">'
+        '<path transform="rotate(90)" {}/></g></g>'
+    )
     text = (
         '<svg viewBox="0 0 100 100">'
         + body.format('data-ss-path="M1 0l2 0" data-ss-width="1 3"')
@@ -304,7 +312,8 @@ def test_shapes_of_others_are_counted_and_definitions_are_not():
         )
     )
     assert file.foreign_shapes == 2 and len(file.drawing.strokes) == 5
-    pattern = '<defs><path data-ss-path="M0 0l1 1"/></defs><clipPath><path data-ss-path="M0 0l1 1"/></clipPath>'
+    line = '<path data-ss-path="M0 0l1 1"/>'
+    pattern = f"<defs>{line}</defs><clipPath>{line}</clipPath>"
     assert len(edited(a=("</svg>", pattern + "</svg>"))[1].drawing.strokes) == 5
 
 
@@ -394,7 +403,10 @@ def test_a_transform_written_into_the_coordinates_is_found(matrix):
 
 
 def test_width_by_arc_length_and_curved_centre_lines():
-    head = '<svg viewBox="0 0 50 50"><path data-ss-closed="{}" data-ss-path="{}" data-ss-width="{}"/></svg>'
+    head = (
+        '<svg viewBox="0 0 50 50">'
+        '<path data-ss-closed="{}" data-ss-path="{}" data-ss-width="{}"/></svg>'
+    )
     drawing = read_svg(head.format(0, "M0 0L10 0", "0,1 .25,3 1,3"))
     assert drawing.strokes.xy[:, 0].tolist() == [
         0,
@@ -447,7 +459,7 @@ def test_colours_beyond_what_there_is_are_the_last_there_is():
         assert file.drawing.color[0, :3].tolist() == wanted
 
 
-# ------------------------------------------------------------------------------------------------- damaged and hostile
+# ------------------------------------------------------------------------------ damaged and hostile
 
 
 @pytest.mark.parametrize(
@@ -521,7 +533,7 @@ def test_textures_of_a_margin_of_their_own_are_kept():
     assert got.texture.margin.tolist() == texture.margin[in_paint_order(drawing)].tolist()
 
 
-# ------------------------------------------------------------------------------------------------------------ parts
+# -------------------------------------------------------------------------------------------- parts
 
 
 def part_names(drawing):

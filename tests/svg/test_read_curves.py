@@ -1,4 +1,7 @@
-"""Curves from .json and .svg: against closed forms, two ways to write one drawing, and another program's picture."""
+"""Curves from .json and .svg.
+
+They are held against closed forms, two ways to write one drawing, and another program's picture.
+"""
 
 import gzip
 import io
@@ -16,7 +19,10 @@ from strokestyle.svg import xml
 from strokestyle.svg.path_data import draw, parse_path, parse_transform, tokens
 from strokestyle.svg.write import plain_svg, png_from_svg
 
-SVG = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" {}>{}</svg>'
+SVG = (
+    '<svg xmlns="http://www.w3.org/2000/svg" '
+    'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" {}>{}</svg>'
+)
 
 
 def load(tmp_path, body, attributes='viewBox="0 0 100 100"', size=(100, 100)):
@@ -96,7 +102,8 @@ def test_arcs_take_the_side_that_their_flags_say(tmp_path):
 def test_a_rounded_rect_has_its_perimeter(tmp_path):
     curves = load(
         tmp_path,
-        '<rect x="5" y="10" width="60" height="40" ry="8"/><rect x="2" y="2" width="9" height="5"/>',
+        '<rect x="5" y="10" width="60" height="40" ry="8"/>'
+        '<rect x="2" y="2" width="9" height="5"/>',
     )
     assert np.isclose(curves.lengths()[0], 200 - 8 * 8 + 2 * np.pi * 8, rtol=2e-3)
     assert np.allclose([curves[0].min(axis=0), curves[0].max(axis=0)], [[5, 10], [65, 50]])
@@ -116,7 +123,7 @@ def test_chords_keep_within_the_tolerance_and_are_few(tolerance):
     assert tolerance / 8 < off < tolerance and offsets.tolist() == [0, len(xy)]
 
 
-# ----------------------------------------------------------------------------------------------------- two roads
+# ---------------------------------------------------------------------------------------- two roads
 
 
 def shape(d):
@@ -215,7 +222,8 @@ def test_pictures_agree_with_another_renderer(tmp_path):
         float
     )[..., 0]
     assert theirs.shape == ours.shape == (300, 400)
-    # their strokes are a few pixels wide, ours one: ours must lie within theirs, and reach everywhere along them
+    # their strokes are a few pixels wide, ours one: ours must lie within theirs, and reach
+    # everywhere along them
     assert (theirs[ours < 100] < 200).all()
     from scipy.ndimage import distance_transform_edt
 
@@ -399,12 +407,15 @@ def test_our_own_strokes_give_their_centre_lines(tmp_path):
     assert np.allclose(curves.xy, [[2, 2], [52, 11], [5, 5], [12, 12]])
 
 
-# -------------------------------------------------------------------------------------------- bad and hostile files
+# ---------------------------------------------------------------------------- bad and hostile files
 
 DOCTYPE = '<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" "http://127.0.0.1:9/svg11.dtd">'
 SUBSET = '<!DOCTYPE svg PUBLIC "-//a" "a>b" [<!ATTLIST path d CDATA "M0 0L1 1">]>'
 BOMB = '<!DOCTYPE svg [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]><svg><path d="&b;"/></svg>'
-OUTSIDE = '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/hostname">]><svg><title>&x;</title><path d="M0 0L9 9"/></svg>'
+OUTSIDE = (
+    '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/hostname">]>'
+    '<svg><title>&x;</title><path d="M0 0L9 9"/></svg>'
+)
 BAD = {
     "empty.svg": "",
     "text.svg": "hello",

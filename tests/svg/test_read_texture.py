@@ -1,4 +1,4 @@
-"""The texture of a stroke as it is read off what its file draws: closed forms, two roads, damage."""
+"""The texture of a stroke, read off what its file draws: closed forms, two roads, damage."""
 
 import base64
 import io
@@ -49,7 +49,7 @@ def text_of(rgba):
     return base64.b64encode(buffer.getvalue()).decode()
 
 
-# ------------------------------------------------------------------------------------------------------------- paths
+# -------------------------------------------------------------------------------------------- paths
 
 
 def test_points_inside_and_outside_and_in_holes():
@@ -68,7 +68,10 @@ def test_both_readers_of_tones_see_what_resvg_draws():
         assert re.fullmatch("[-Mmqtz0-9 ]*", d)
         ours, general = covered(d, at, Budget()), covered(d.replace("M", "M0 0M", 1), at, Budget())
         assert (ours != general).mean() < 1.5e-3  # at their edges
-        head = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 120 100" width="120" height="100">'
+        head = (
+            '<svg xmlns="http://www.w3.org/2000/svg" '
+            'viewBox="0 0 120 100" width="120" height="100">'
+        )
         page = f'{head}{{}}{d}"/></svg>'
         drawn = png_from_svg(page.format('<path transform="scale(.15)" d="'), 4.0)
         dark = np.asarray(Image.open(io.BytesIO(drawn)).convert("L")).reshape(-1) < 128
@@ -107,7 +110,7 @@ def test_a_shape_is_followed_through_its_transforms_and_the_strokes():
             drawn_strip([shape("M0 0H5.1V8H0Z")], band, IDENTITY, budget)
 
 
-# ------------------------------------------------------------------------------------------------------------ images
+# ------------------------------------------------------------------------------------------- images
 
 
 def test_an_image_on_the_texels_is_the_strip():
@@ -187,7 +190,7 @@ def test_damaged_images_are_named():
     assert not drawn_strip([picture(good, width="0")], band, IDENTITY, Budget()).any()
 
 
-# ------------------------------------------------------------------------------------------- which strokes need a strip
+# ----------------------------------------------------------------------- which strokes need a strip
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ class _ShapeReader:
         self.states.append(self.enter(above, tag, attributes) if drawn and above else None)
 
     def enter(self, above: _State, tag: str, attributes: dict[str, str]) -> _State | None:
-        """The state of an element; the curves of a shape are added."""
+        """Give the state of an element; add the curves of a shape."""
         shape = tag in SHAPES or Data.PATH in attributes
         style = attributes.get("style", "")
         if css_property("display", style, attributes) == "none" or not (shape or tag in GROUPS):
@@ -123,7 +123,10 @@ class _ShapeReader:
     def viewport(
         self, attributes: Mapping[str, str], state: _State
     ) -> tuple[Affine, tuple[float, float]]:
-        """Matrix of what is inside an svg element, and the (width, height) its percentages are of."""
+        """Find the matrix of what is inside an svg element, and the (width, height) of its view.
+
+        Percentages are of the view.
+        """
         root = not self.states
         view_box = _view_box(attributes)
         into = self.root_box(attributes) if root else _nested_box(attributes, state.view)

@@ -1,4 +1,7 @@
-"""A stroke's u-v strip read off what its file draws: tones as paths, or an image. See docs/svg-format.md."""
+"""Read a stroke's u-v strip off what its file draws: tones as paths, or an image.
+
+docs/svg-format.md says how they are written.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from PIL import Image, ImageColor
 
 from .. import files as limits
 from ..drawing.ribbon import Ribbon, strip_points
+from ..drawing.strip import straight
 from ..geometry.affine import Affine, determinant, inverse, is_flat, transformed
 from ..geometry.bezier import flatten
 from ..geometry.polygons import winding_number
@@ -24,21 +28,26 @@ MAX_PIXELS = LIMITS["image_pixels"].value
 MAX_RINGS = LIMITS["rings"].value
 CHORD = 0.05  # px between a curve and its chords
 _TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
-_PNG = re.compile(
-    r"\s*data:image/png;base64,"
-)  # images of other sorts, and elsewhere, are not looked at
+_PNG = re.compile(r"\s*data:image/png;base64,")  # other images, and elsewhere, are not looked at
 
 
 @dataclass
 class Budget:
-    """What the textures of a file may take to read."""
+    """What the textures of a file may take to read, of which LIMITS in format.py tells.
+
+    Parameters
+    ----------
+    texels : of strips that are told or read off what is drawn
+    pixels : of images
+    looks : at a texel for a tone, and at a tone's edge at its height
+    """
 
     texels: int = LIMITS["texels_read"].value
     pixels: int = LIMITS["pixels_read"].value
     looks: int = LIMITS["looks"].value
 
     def spend(self, what: str, amount: int) -> None:
-        """Raises ValueError where no more is left."""
+        """Take an amount of `what`. Raises ValueError where less is left."""
         left = getattr(self, what) - amount
         if left < 0:
             raise ValueError(
@@ -67,7 +76,7 @@ class Shape:
 
 
 def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget) -> np.ndarray:
-    """What shapes show along a ribbon, (n, A, 4) uint8, texels as `Texture` has them.
+    """Look up what shapes show along a ribbon.
 
     Parameters
     ----------
@@ -75,6 +84,10 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget)
     band : the stroke's ribbon, before it was moved
     move : from there to the stroke's coordinates in the file
     budget : what is left of it
+
+    Returns
+    -------
+    (n, A, 4) uint8, texels as `Texture` has them
 
     Raises
     ------
@@ -101,25 +114,23 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget)
             over = shape.opacity * _sampled(np.asarray(image.convert("RGBA")), shape.attributes, at)
             color = over + (1.0 - over[..., 3:]) * color
         else:
-            # in or out: half-tones at the edges would wear a region away each time that it is read and contoured
-            inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2), budget).reshape(
-                rows, columns
-            )
-            color[inside] = (
-                shape.opacity * np.r_[rgb(shape.fill), 1.0] + (1.0 - shape.opacity) * color[inside]
-            )
-    straight = np.concatenate(
-        [color[..., :3] / np.maximum(color[..., 3:], 1e-6), color[..., 3:]], axis=2
-    )
-    return np.rint(255 * np.clip(straight, 0, 1)).astype(np.uint8)
+            # in or out: half-tones at the edges would wear a region away each time that it is read
+            # and contoured
+            inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2), budget)
+            inside = inside.reshape(rows, columns)
+            ink = shape.opacity * np.r_[rgb(shape.fill), 1.0]
+            color[inside] = ink + (1.0 - shape.opacity) * color[inside]
+    return np.rint(255 * np.clip(straight(color), 0, 1)).astype(np.uint8)
 
 
 def covered(d: str, points: np.ndarray, budget: Budget) -> np.ndarray:
-    """Which of the points (M, 2) path data fills by the nonzero rule, (M,) bool. Raises ValueError."""
+    """Tell which of the points (M, 2) path data fills by the nonzero rule, (M,) bool.
+
+    Raises ValueError on bad path data, and where the budget is spent.
+    """
     budget.spend("looks", len(points))
-    rings, offsets = (
-        _tone_rings(d) if len(d) <= limits.MAX_TEXT and _TONES.fullmatch(d) else _rings(d)
-    )
+    is_tone = len(d) <= limits.MAX_TEXT and _TONES.fullmatch(d)
+    rings, offsets = _tone_rings(d) if is_tone else _rings(d)
     return winding_number(rings, points, offsets, lambda pairs: budget.spend("looks", pairs)) != 0
 
 
@@ -131,9 +142,8 @@ def _tone_rings(d: str) -> tuple[np.ndarray, np.ndarray]:
     if any(len(ring) < 8 or len(ring) % 2 for ring in rings):
         return _rings(d)
     rings = [ring.reshape(-1, 2) for ring in rings]
-    count = (
-        np.array([len(ring) for ring in rings]) - 2
-    )  # pieces: less the jump and the first control point
+    # pieces: less the jump and the first control point
+    count = np.array([len(ring) for ring in rings]) - 2
     begin = np.cumsum([ring[0] for ring in rings], axis=0)  # a ring ends where it begins
     made, offsets = [], np.r_[0, np.cumsum(2 * count)]
     for ring, start in zip(rings, begin, strict=True):
@@ -147,6 +157,7 @@ def _tone_rings(d: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _rings(d: str) -> tuple[np.ndarray, np.ndarray]:
+    """Polygons (n, 2) and their offsets of any path data. Raises ValueError where it is bad."""
     subpaths = parse_path(d)
     if not subpaths:
         return np.zeros((0, 2)), np.zeros(1, np.int64)
@@ -155,13 +166,17 @@ def _rings(d: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def decoded(attributes: dict[str, str], budget: Budget) -> Image.Image:
-    """The PNG in an image element. Raises ValueError."""
+    """Decode the PNG in an image element.
+
+    Raises ValueError where it is damaged or too large, or the budget is spent.
+    """
     image = read_png(from_base64(_PNG.sub("", _href(attributes)), "image"), MAX_PIXELS, "image")
     budget.spend("pixels", image.width * image.height)
     return image
 
 
 def from_base64(text: str, what: str) -> bytes:
+    """Decode base64 with spaces in it. Raises ValueError, naming `what` it is, where it is none."""
     try:
         return base64.b64decode(re.sub(r"\s+", "", text), validate=True)
     except (binascii.Error, ValueError):
@@ -173,12 +188,15 @@ def _href(attributes: dict[str, str]) -> str:
 
 
 def image_box(attributes: dict[str, str]) -> list[float]:
-    """x, y, width and height of an image."""
+    """Read x, y, width and height of an image. Raises ValueError where one is no length."""
     return [length(attributes.get(name, "0"), name, 0.0) for name in ("x", "y", "width", "height")]
 
 
 def has_external_image(shapes: list[Shape]) -> bool:
-    """Whether the look of a stroke is in images that are not looked at: of another sort than PNG, or elsewhere."""
+    """Tell whether the look of a stroke is in images only that are not looked at.
+
+    Those are of another sort than PNG, or not in the file itself.
+    """
     images = [shape for shape in shapes if shape.tag == "image"]
     return len(images) == len(shapes) > 0 and not any(
         _PNG.match(_href(shape.attributes)) for shape in images
@@ -205,7 +223,20 @@ def _density(shape: Shape, image: Image.Image | None) -> float:
 
 
 def _sampled(image: np.ndarray, attributes: dict[str, str], at: np.ndarray) -> np.ndarray:
-    """An image at points (..., 2), bicubically (Keys 1981), nothing outside it: (..., 4) premultiplied."""
+    """Look an image up at points (..., 2), bicubically; outside it is nothing.
+
+    Keys 1981 ("Cubic convolution interpolation for digital image processing").
+
+    Parameters
+    ----------
+    image : (h, w, 4) uint8, straight RGBA
+    attributes : of its element, which place it
+    at : (..., 2) in the element's coordinates
+
+    Returns
+    -------
+    (..., 4) in [0, 1], premultiplied
+    """
     x, y, width, height = image_box(attributes)
     row, vertical = _cubic((at[..., 1] - y) / height * image.shape[0] - 0.5, image.shape[0])
     column, across = _cubic((at[..., 0] - x) / width * image.shape[1] - 0.5, image.shape[1])
@@ -221,11 +252,17 @@ def _sampled(image: np.ndarray, attributes: dict[str, str], at: np.ndarray) -> n
 
 
 def _cubic(at: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """The four pixels (..., 4) that a place between pixels is told from, and their weights, 0 for those outside."""
+    """The four pixels (..., 4) that a place (...) between pixels is told from, and their weights.
+
+    The weights (..., 4) float32 are 0 for pixels outside.
+    """
     first = np.floor(np.clip(at, -3.0, size + 2.0))
     t = np.clip(at - first, 0.0, 1.0).astype(np.float32)
     weight = np.stack([
-        ((2.0 - t) * t - 1.0) * t, (3.0 * t - 5.0) * t * t + 2.0, ((4.0 - 3.0 * t) * t + 1.0) * t, (t - 1.0) * t * t
+        ((2.0 - t) * t - 1.0) * t,
+        (3.0 * t - 5.0) * t * t + 2.0,
+        ((4.0 - 3.0 * t) * t + 1.0) * t,
+        (t - 1.0) * t * t,
     ], axis=-1)  # fmt: skip
     place = first.astype(np.int64)[..., None] + np.arange(-1, 3)
     inside = (place >= 0) & (place < size)
@@ -233,13 +270,16 @@ def _cubic(at: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _one_ink(texels: np.ndarray) -> np.ndarray | None:
-    """The one colour (3,) in [0, 1] of straight RGBA texels (n, 4) uint8, where they have no more."""
+    """The one colour (3,) in [0, 1] of straight RGBA texels (n, 4) uint8.
+
+    None where they have more, or none.
+    """
     ink = texels[texels[:, 3] > 0, :3]
     return ink[0] / 255.0 if len(ink) and (ink == ink[0]).all() else None
 
 
 def rgb(fill: str) -> np.ndarray:
-    """A CSS colour as (r, g, b) in [0, 1]; black where it is none that we know."""
+    """Read a CSS colour as (r, g, b) in [0, 1]; black where it is none that we know."""
     try:
         return np.clip(np.array(ImageColor.getrgb(fill[:60])[:3], np.float64) / 255.0, 0.0, 1.0)
     except ValueError:
