@@ -45,7 +45,9 @@ def lengths(surface, curves):
 
 
 def check(surface, curves):
-    """What must hold for any curves: they lie on the mesh, run through neighbouring faces, and closed ones close."""
+    """What must hold for any curves: they lie on the mesh, run through neighbouring faces, and
+    closed ones close.
+    """
     assert np.allclose(curves.bary.sum(axis=1), 1) and (curves.bary > -1e-12).all()
     assert (curves.strength >= 0).all() and (curves.strength <= 1).all()
     points, last = curves.points(surface), curves.offsets[1:] - 1
@@ -64,7 +66,7 @@ def check(surface, curves):
     assert np.allclose(points[curves.offsets[:-1][curves.closed]], points[last[curves.closed]])
 
 
-# ------------------------------------------------------------------------------------------------------- closed form
+# ------------------------------------------------------------------------------- closed form
 
 
 def test_the_contour_of_a_sphere_is_one_circle():
@@ -117,7 +119,9 @@ def test_contours_of_a_torus_are_trimmed_where_they_cannot_be_seen():
 
 
 def test_the_inside_of_an_open_surface_keeps_its_contours():
-    """A bowl whose normals point into its hollow has a negative radial curvature, and yet the same contour."""
+    """A bowl whose normals point into its hollow has a negative radial curvature, and yet the
+    same contour.
+    """
     bowl = shapes.sphere(4)
     faces = bowl.faces[bowl.vertices[bowl.faces][:, :, 2].mean(axis=1) < 0.5]
     total = []
@@ -171,14 +175,18 @@ def test_strength_of_a_ridge_is_neural_contours_formula():
     "z, first, second, expected",
     [
         (lambda x: -x * x / 2, lambda x: -x, lambda x: 0 * x - 1, 3.0),  # parabola
-        (lambda x: np.sqrt(2 - x * x), lambda x: -x / np.sqrt(2 - x * x), lambda x: -2 / (2 - x * x) ** 1.5, 0.0),
-        (lambda x: -np.sqrt(1 + x * x), lambda x: -x / np.sqrt(1 + x * x), lambda x: -1 / (1 + x * x) ** 1.5, 6.0),
+        (lambda x: np.sqrt(2 - x * x), lambda x: -x / np.sqrt(2 - x * x),
+         lambda x: -2 / (2 - x * x) ** 1.5, 0.0),
+        (lambda x: -np.sqrt(1 + x * x), lambda x: -x / np.sqrt(1 + x * x),
+         lambda x: -1 / (1 + x * x) ** 1.5, 6.0),
         (lambda x: np.sqrt(9 - 4 * x * x), lambda x: -4 * x / np.sqrt(9 - 4 * x * x),
          lambda x: -36 / (9 - 4 * x * x) ** 1.5, 2.25),  # ellipse, twice as high as wide
     ],
 )  # fmt: skip
 def test_sharpness_of_conics(z, first, second, expected):
-    """-k'' / k^3 at the tip is 3 e^2: 0 on a circle, 3 on a parabola, 6 on the right-angled hyperbola."""
+    """-k'' / k^3 at the tip is 3 e^2: 0 on a circle, 3 on a parabola, 6 on the right-angled
+    hyperbola.
+    """
     shape = shapes.height_field(
         lambda x, y: z(x),
         lambda x, y: (first(x), 0 * x),
@@ -201,9 +209,12 @@ def test_an_exact_extremum_is_no_trouble():
     options = LineOptions(
         SURFACE_KINDS, smooth=0.0, ridge=0, valley=0, apparent=0, suggestive=0, hysteresis=0
     )
-    for shape in (shapes.cylinder(), shapes.plane()):
+    for shape, rims in ((shapes.cylinder(), 2), (shapes.plane(), 1)):
         surface = make_surface(*shape)
-        check(surface, feature_curves(surface, camera(), options))
+        curves = feature_curves(surface, camera(), options)
+        check(surface, curves)
+        boundary = curves.take(curves.kind == KINDS.index("boundary"))
+        assert len(boundary) == rims and boundary.closed.all()
 
 
 def test_suggestive_contours_lie_where_the_radial_curvature_vanishes():
@@ -307,7 +318,9 @@ def test_flat_parts_have_no_suggestive_rims():
 
 
 def test_view_dependent_curvature():
-    """Seen head on it is the largest squared curvature; towards the contour it grows without bound, across it."""
+    """Seen head on it is the largest squared curvature; towards the contour it grows without
+    bound, across it.
+    """
     surface = make_surface(*shapes.sphere(4))
     fields = ViewFields.of(surface, np.array([0.0, 0.0, 1e3]))
     curvature, direction = fields.view_curvature(surface)
@@ -331,7 +344,7 @@ def test_view_dependent_curvature():
     assert np.abs(np.einsum("ij,ij->i", tangent, direction[slanted])).min() > 0.999
 
 
-# -------------------------------------------------------------------------------------------------------- hard edges
+# -------------------------------------------------------------------------------- hard edges
 
 
 def by_kind(surface, curves):
@@ -352,7 +365,9 @@ def test_a_cube_has_six_contour_edges_and_three_creases(n):
 
 
 def test_a_cylinder_with_lids():
-    """Its outline is one closed curve: half of each rim, and the two straight sides, joined exactly."""
+    """Its outline is one closed curve: half of each rim, and the two straight sides, joined
+    exactly.
+    """
     side = shapes.cylinder(around=64, rows=5)
     n, rim = len(side.vertices), np.arange(64)
     fan = lambda ring, tip: np.stack([ring, np.roll(ring, -1), np.full(64, tip)], 1)  # noqa: E731
@@ -409,7 +424,7 @@ def test_creases_by_angle():
         assert len(feature_curves(roof, camera(), only("crease", crease=limit))) == count
 
 
-# -------------------------------------------------------------------------------------------------------------- rtsc
+# -------------------------------------------------------------------------------------- rtsc
 
 
 def near(a, b, step=1e-4):
@@ -457,7 +472,7 @@ def test_rtsc_draws_the_same_segments(name):
     assert not len(lines.boundary_segments(surface, LineOptions()))
 
 
-# ---------------------------------------------------------------------------------------------------------- chaining
+# ---------------------------------------------------------------------------------- chaining
 
 
 def bumpy():
@@ -527,7 +542,9 @@ def test_the_same_twice():
 
 
 def segments_between(nodes, places):
-    """Segments along the edges of a mesh that has a vertex at each of `places`, in made-up triangles."""
+    """Segments along the edges of a mesh that has a vertex at each of `places`, in made-up
+    triangles.
+    """
     nodes = np.asarray(nodes)
     points = np.array(
         [[places[a], places[b], np.add(places[a], places[b]) / 2 + [0, 0, 1]] for a, b in nodes],
@@ -606,7 +623,7 @@ def test_hysteresis_keeps_weak_parts_of_strong_lines():
     assert (np.maximum.reduceat(some.strength, some.offsets[:-1]) >= 0.5).all()
 
 
-# --------------------------------------------------------------------------------------------------------------- zoo
+# --------------------------------------------------------------------------------------- zoo
 
 
 EYES = [(0, 0, 3), (0, 0, 0.0001), (0.3, 0.2, 0.1), (0.5, 0.5, 0.5), (0, 3, 0.001), (1e6, 0, 1e6)]
@@ -619,23 +636,29 @@ EYES = [(0, 0, 3), (0, 0, 0.0001), (0.3, 0.2, 0.1), (0.5, 0.5, 0.5), (0, 3, 0.00
 def test_nothing_much_is_no_trouble(name, eye):
     rng = np.random.default_rng(2)
     mesh = {
-        "sphere": shapes.sphere(1), "cube": shapes.cube(3), "plane": shapes.plane(), "moebius": shapes.moebius(20, 3),
-        "triangle": (np.eye(3), [[0, 1, 2]]), "islands": (rng.normal(size=(60, 3)), np.arange(60).reshape(-1, 3)),
+        "sphere": shapes.sphere(1), "cube": shapes.cube(3), "plane": shapes.plane(),
+        "moebius": shapes.moebius(20, 3),
+        "triangle": (np.eye(3), [[0, 1, 2]]),
+        "islands": (rng.normal(size=(60, 3)), np.arange(60).reshape(-1, 3)),
         "soup": (rng.normal(size=(30, 3)), rng.integers(0, 30, size=(90, 3))),
     }[name]  # fmt: skip
     surface = make_surface(*mesh)
     view = Camera(eye, (0.01, 0, -0.5), (0, 1, 0), 40, 64, 64)
     for options in (LineOptions(SURFACE_KINDS), ALL, LineOptions(())):
-        check(surface, feature_curves(surface, view, options))
+        curves = feature_curves(surface, view, options)
+        check(surface, curves)
+        assert {KINDS[k] for k in curves.kind} <= set(options.kinds)
 
 
 def test_named_views_of_a_bumpy_sphere():
     surface = bumpy()
     for name in ("front", "side", "top"):
-        check(surface, feature_curves(surface, fit_camera(surface.vertices, name), LineOptions()))
+        curves = feature_curves(surface, fit_camera(surface.vertices, name), LineOptions())
+        check(surface, curves)
+        assert "contour" in {KINDS[k] for k in curves.kind}
 
 
-# -------------------------------------------------------------------------------------------------------- validation
+# -------------------------------------------------------------------------------- validation
 
 
 @pytest.mark.parametrize(
@@ -673,7 +696,9 @@ def test_detail_is_one_knob():
 
 
 def test_soft_lines_are_weak_between_slivers():
-    """The same ridge, with edges of one length and with the grid's rows 30 times as far apart as its columns."""
+    """The same ridge, with edges of one length and with the grid's rows 30 times as far apart
+    as its columns.
+    """
     strength = []
     for rows in (61, 3):
         ridge, keep = shapes.ridge(), np.linspace(0, 60, rows).astype(int)
@@ -692,7 +717,8 @@ def test_a_range_of_detail_follows_the_lines_of_its_low_end():
     few, followed = (
         feature_curves(surface, camera(), kinds.detailed(0.7, high)) for high in (0.7, 2.0)
     )
-    # all of what the thresholds of both ends let through, in the fields as they are smoothed for the low end
+    # all of what the thresholds of both ends let through, in the fields as they are smoothed for
+    # the low end
     many = feature_curves(
         surface, camera(), replace(kinds.detailed(0.7, 2.0).followed(), hysteresis=0.0)
     )

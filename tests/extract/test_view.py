@@ -35,7 +35,8 @@ from strokestyle.svg.write import plain_svg, png_from_svg
 RADIUS = 0.5
 CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 CUBE_FACES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
+     [0, 2, 6], [0, 6, 4],
      [1, 5, 7], [1, 7, 3]]
 )  # fmt: skip
 
@@ -84,7 +85,7 @@ def two_balls():
     return surface, fit_camera(surface.vertices, "front", width=256, height=256)
 
 
-# ------------------------------------------------------------------------------------------------------------- maps
+# -------------------------------------------------------------------------------------- maps
 
 
 def test_maps_of_a_sphere(sphere):
@@ -172,7 +173,7 @@ def test_an_eye_among_the_parts_sees_what_is_before_it():
     assert len(curves) == 1
 
 
-# ------------------------------------------------------------------------------------------------------- at the curves
+# ----------------------------------------------------------------------------- at the curves
 
 
 def test_contours_read_the_part_in_front():
@@ -225,7 +226,7 @@ def test_at_curves_rounds_to_the_pixel_under_the_point(view):
     assert values[0, 0] == view.maps["normal_x"][y, x]
 
 
-# ------------------------------------------------------------------------------------------------------------- lines
+# ------------------------------------------------------------------------------------- lines
 
 
 def test_a_sphere_is_one_closed_stroke(view):
@@ -257,7 +258,9 @@ def test_a_cube_shows_nine_edges():
 
 
 def bent_beam(n=8):
-    """The surface of an L-shaped beam of n^3 boxes a unit, bent: 18 creases, one concave, beside curved sides."""
+    """The surface of an L-shaped beam of n^3 boxes a unit, bent: 18 creases, one concave,
+    beside curved sides.
+    """
     full = np.zeros((2 * n + 2, 2 * n + 2, 3 * n + 2), bool)
     full[1:-1, 1:-1, 1:-1] = True
     full[n + 1 :, n + 1 :] = False
@@ -276,7 +279,9 @@ def bent_beam(n=8):
 
 
 def test_creases_are_not_drawn_twice():
-    """Vertex normals mix the two sides of a crease, and suggestive contours and valleys would run beside it."""
+    """Vertex normals mix the two sides of a crease, and suggestive contours and valleys would
+    run beside it.
+    """
     surface = bent_beam()
     lines = feature_curves(surface, fit_camera(surface.vertices), LineOptions(kinds=("crease",)))
     assert len(lines) == 18
@@ -374,7 +379,7 @@ def test_hidden_parts_complete_the_visible_ones():
     )
 
 
-# ---------------------------------------------------------------------------------------------- curves from elsewhere
+# --------------------------------------------------------------------- curves from elsewhere
 
 
 def test_curves_from_elsewhere_are_clipped_and_spaced(sphere, view):
@@ -441,7 +446,7 @@ def test_plain_raster():
     assert plain_raster(Curves.from_list([[[8.5, 8.5], [8.5, 8.5]]]), 16, 16)[8, 8] == 1
 
 
-# ------------------------------------------------------------------------------------------------------------ files
+# ------------------------------------------------------------------------------------- files
 
 
 def same(a, b):
@@ -596,7 +601,7 @@ def test_json_for_other_programs(view, tmp_path):
     assert Camera.load(tmp_path / "c.json").to_dict() == view.camera.to_dict()
 
 
-# ------------------------------------------------------------------------------------------------- what is refused
+# --------------------------------------------------------------------------- what is refused
 
 
 def test_bad_shapes_are_refused(view):
@@ -613,7 +618,7 @@ def test_bad_shapes_are_refused(view):
         View(replace(view.camera, width=99), view.curves, good)
 
 
-# ------------------------------------------------------------------------------------------------------------ parts
+# ------------------------------------------------------------------------------------- parts
 
 
 def wheel_surface(names=None):

@@ -67,7 +67,7 @@ class SurfaceLines:
     def split_from(
         self, camera: Camera, unseen: bool = False
     ) -> tuple[SurfaceCurves, SurfaceCurves]:
-        """Find the lines of `seen_from`, and apart from them the contours and creases it leaves out.
+        """Find the lines of `seen_from`, and apart from them the contours and creases left out.
 
         The second are chained where `unseen` is set; the shape hides them however one looks.
         """

@@ -39,8 +39,8 @@ class ViewFields:
         """Measure the radial curvature, times the squared length of the projected view, (V,).
 
         The radial curvature kr of DeCarlo et al. 2003 is the normal curvature along the projected
-        view direction. The factor keeps it finite and smooth where the view is along the normal, and
-        leaves its zeros where they are.
+        view direction. The factor keeps it finite and smooth where the view is along the normal,
+        and leaves its zeros where they are.
         """
         return surface.k1 * self.u**2 + surface.k2 * self.v**2
 
