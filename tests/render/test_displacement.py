@@ -40,7 +40,7 @@ def frame_of(strokes):
     return Frame.of(strokes, np.zeros((len(strokes.xy), len(SURFACE))), STEP)
 
 
-# ------------------------------------------------------------------------------------------- normals
+# ------------------------------------------------------------------------------------------ normals
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0])
@@ -71,7 +71,7 @@ def test_a_frame_holds_the_strokes_and_where_they_lie_on_their_curves():
     assert frame.deformations.shape == (50, len(DEFORMATIONS), 2)
 
 
-# --------------------------------------------------------------------------------------- smooth, cut
+# -------------------------------------------------------------------------------------- smooth, cut
 
 
 @pytest.mark.parametrize("sigma", SMOOTHINGS)
@@ -123,7 +123,7 @@ def test_a_straight_line_has_nothing_to_smooth_or_cut():
     assert len(got) == len(SMOOTHINGS) + len(CUTS) + 1
 
 
-# ------------------------------------------------------------------------------------------- inflate
+# ------------------------------------------------------------------------------------------ inflate
 
 
 def test_inflating_moves_along_the_surfaces_normals():
@@ -137,7 +137,7 @@ def test_inflating_moves_along_the_surfaces_normals():
     assert radius[20:-20] == pytest.approx(np.full(160, 150 + 5 * damped), abs=1e-2)
 
 
-# ------------------------------------------------------------------------------------- ends, strokes
+# ------------------------------------------------------------------------------------ ends, strokes
 
 
 def test_what_lies_past_an_end_moves_as_the_end_does():
@@ -166,3 +166,8 @@ def test_weights_of_the_deformations_add_up():
     assert got == pytest.approx(
         frame.xy + 2 * basis[:, 0] - basis[:, 1] + 0.5 * basis[:, 2], abs=1e-9
     )
+
+
+def test_model_files_hold_the_weights_in_this_order():
+    smooth, cut = ("smooth_3", "smooth_6", "smooth_12", "smooth_24"), ("cut_3", "cut_6", "cut_12")
+    assert DEFORMATIONS == (*smooth, *cut, "inflate")

@@ -1,4 +1,4 @@
-"""Every feature in closed form: on a straight line, an arc, an L, and under surfaces that are known."""
+"""Every feature in closed form: on a line, an arc, an L, and under surfaces that are known."""
 
 import numpy as np
 import pytest
@@ -71,7 +71,7 @@ def test_each_stroke_has_its_own_ends_and_length():
         assert got[f"end_{scale}"] == pytest.approx(np.exp(-(length - s) / decay))
 
 
-# --------------------------------------------------------------------------------------------- bends
+# -------------------------------------------------------------------------------------------- bends
 
 
 @pytest.mark.parametrize("turn, sign", [(1.0, 1.0), (-1.0, -1.0)])
@@ -117,7 +117,7 @@ def test_at_its_ends_a_curve_is_measured_over_one_step():
     assert k[2:-2] == pytest.approx(np.full(26, 1 / 60), rel=1e-6)
 
 
-# ------------------------------------------------------------------------------------------- surface
+# ------------------------------------------------------------------------------------------ surface
 
 
 def test_depth_is_told_within_the_middle_of_its_range_on_the_curves():
@@ -158,7 +158,7 @@ def test_facing_is_the_normals_direction_where_it_has_one():
     assert got["facing_y"] == pytest.approx(np.repeat(wanted[:, 1], 5))
 
 
-# --------------------------------------------------------------------------------------------- place
+# -------------------------------------------------------------------------------------------- place
 
 
 def test_height_runs_from_the_highest_curve_to_the_lowest():
@@ -260,7 +260,7 @@ def test_a_plan_is_made_in_pixels_of_the_styles_canvas():
     assert half.overshoot.max() == pytest.approx(24) == once.overshoot.max()
 
 
-# ------------------------------------------------------------------------------------- along strokes
+# ------------------------------------------------------------------------------------ along strokes
 
 
 def test_a_gaussian_along_strokes_mixes_no_two_and_keeps_pinned_ends():

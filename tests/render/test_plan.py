@@ -62,6 +62,12 @@ def test_corners_are_more_than_a_span_apart_and_not_at_the_ends():
     assert np.diff(corners(tight, 30, 4)).min(initial=9) > 4
 
 
+def test_of_two_points_that_turn_alike_the_first_is_the_corner():
+    """A chamfered corner is symmetric: its two points turn by the same angle exactly."""
+    chamfer = [[x, 0] for x in range(7)] + [[7, y] for y in range(1, 8)]
+    assert corners(np.array(chamfer, float), 65, 4).tolist() == [6]
+
+
 def test_pieces_share_the_corner_between_them():
     planned = plan_strokes(Curves.from_list([bent(80)], [0]))
     assert len(planned) == 2 and planned.offsets.tolist() == [0, 13, 26]
@@ -124,7 +130,7 @@ def joined(*lines, kinds=None, **options):
 
 
 def test_it_is_the_ends_that_must_head_for_each_other():
-    """Not the beginnings: hooks whose near ends agree are joined, those whose far ends agree not."""
+    """Hooks whose near ends agree are joined; those whose far ends agree are not."""
     t = np.linspace(0, np.pi / 2, 30)[:, None]
     rising = [60, 50] + 40 * np.concatenate([-np.sin(t), 1 - np.cos(t)], axis=1)[::-1]  # ends level
     level = line((64, 50), (110, 50))

@@ -68,6 +68,14 @@ def test_pieces_fade_into_each_other_by_square_roots():
     assert got[40:44, 1] == pytest.approx(np.full(4, 0.5))
 
 
+def test_pieces_follow_one_after_the_other():
+    """Each of 40 points begins a cross-fade before the last one ends: at 32, 64 and 96."""
+    got = sample(sequences(constant(40)), 130)[:112, 1]
+    fading = np.isin(np.arange(112) // CROSS_FADE, [4, 8, 12])
+    assert got[~fading] == pytest.approx(np.full((~fading).sum(), 0.5))
+    assert (got[fading] > 0.55).all()
+
+
 def test_a_cross_fade_goes_from_the_old_piece_to_the_new_one():
     """Sequences of which only the beginning, or only the end, is not nothing."""
     ramp = np.stack([np.zeros(40), np.linspace(1.0, 2.0, 40)], axis=1)

@@ -118,11 +118,11 @@ def test_a_model_without_a_part_of_its_texture_is_refused(tmp_path):
         load_style(path)
 
 
-# ----------------------------------------------------------------------------- what was learned, drawn
+# -------------------------------------------------------------------------- what was learned, drawn
 
 
 def ring_view(size=768, radius=150.0, kind="contour"):
-    """A view of three quarters of a circle about the middle, whose normals point away from there."""
+    """Three quarters of a circle about the middle, with normals that point away from there."""
     middle = size / 2
     count = int(1.5 * np.pi * radius / 3)
     angle = np.linspace(0.1, 0.1 + 1.5 * np.pi, count)
@@ -140,7 +140,7 @@ def with_weights(style, **weights):
 
 
 def test_what_was_learned_of_displacement_is_done():
-    """A circle is inflated outwards, and smoothed inwards by as much as a Gaussian takes from it."""
+    """A circle is inflated outwards, and smoothed inwards by what a Gaussian takes from it."""
     view, plain = ring_view(), plain_style()
     for weights, change in (
         ({}, 0.0),
@@ -162,6 +162,29 @@ def test_what_was_learned_of_thickness_is_drawn_where_its_feature_is():
     strokes = replace(plain, log_width=curves).draw(view).strokes
     height = np.clip((strokes.xy[:, 1] - 84) / 600, 0, 1)
     assert strokes.thickness == pytest.approx(4.5 * (12.5 / 4.5) ** height - 0.5, abs=1e-4)
+
+
+def test_features_are_scaled_as_they_were_in_training():
+    """A height is cut to 0.25 to 0.75, and told from 0.5 in units of 0.25."""
+    view = view_of_lines(Curves.from_list([np.linspace([384, 84], [384, 684], 201)], [0]), 768, 768)
+    plain, height = plain_style(), np.array(FEATURES) == "height"
+    low, high = np.where(height, 0.25, -9.0), np.where(height, 0.75, 9.0)
+    scaling = FeatureScaling(low, high, np.where(height, 0.5, 0.0), np.where(height, 0.25, 1.0))
+    curves = replace(plain.log_width, line=0.3 * height)
+    laid = replace(plain, log_width=curves, scaling=scaling).lay_strokes(view)
+    share = np.clip((laid.strokes.xy[:, 1] - 84) / 600, 0.25, 0.75)
+    assert laid.features[:, height][:, 0] == pytest.approx((share - 0.5) / 0.25)
+    wanted = np.exp(1.5 + 0.3 * (share - 0.5) / 0.25) - 0.5
+    assert laid.strokes.thickness == pytest.approx(wanted, abs=1e-4)
+
+
+def test_features_are_those_of_the_points_that_are_left():
+    """The upper part of a line is too thin to see."""
+    view = view_of_lines(Curves.from_list([np.linspace([384, 84], [384, 684], 201)], [0]), 768, 768)
+    laid = plain_style(thin_above=True).lay_strokes(view)
+    xy, height = laid.strokes.xy, laid.features[:, FEATURES.index("height")]
+    assert xy[0, 1] > 200 and laid.features.shape == (len(xy), len(FEATURES))
+    assert height == pytest.approx(np.clip((xy[:, 1] - 84) / 600, 0, 1))
 
 
 def some_residuals():
@@ -230,7 +253,7 @@ def test_the_seed_decides_residuals_and_joints():
     assert not np.array_equal(*strayed)
 
 
-# --------------------------------------------------------------------------------------- trimmed ends
+# ------------------------------------------------------------------------------------- trimmed ends
 
 
 def test_ends_are_trimmed_to_one_point_beside_what_is_seen():
@@ -249,7 +272,7 @@ def test_strokes_that_cannot_be_seen_are_left_out_whole():
     assert rows.tolist() == [] and offsets.tolist() == [0] and kept.tolist() == []
 
 
-# ---------------------------------------------------------------------------------------- model files
+# -------------------------------------------------------------------------------------- model files
 
 
 def full_style():

@@ -13,7 +13,7 @@ from strokestyle.files import read_model, write_model
 from strokestyle.fit.exemplar import Exemplar
 from strokestyle.fit.texture import learn_texture
 from strokestyle.render.quilt import synthesise
-from strokestyle.render.texture_bank import TextureBank
+from strokestyle.render.texture_bank import END, ROWS, TextureBank, stroke_rows
 
 SIZE = 320
 
@@ -258,6 +258,43 @@ def test_a_closed_stroke_joins_up():
     middle = alpha[:, alpha.shape[1] // 3 : -alpha.shape[1] // 3]
     usual = np.abs(np.diff(middle, axis=0)).mean(axis=1)
     assert np.abs(middle[0] - middle[-1]).mean() < np.quantile(usual, 0.98) + 5
+
+
+# ------------------------------------------------------------------------------------------- rows
+
+
+def test_rows_tell_width_ends_and_features_along_a_stroke():
+    """60 px of 8 px, and of margins of 2 px: the ribbon is 72 px long, 6 px past either end."""
+    xy = np.stack([np.linspace(50, 110, 21), np.full(21, 90.0)], axis=1)
+    for points, turned in ((xy, False), (xy[::-1], True)):
+        stroke = Strokes(points, np.full(21, 8.0), np.array([0, 21]), np.zeros(1), np.zeros(1))
+        rows = stroke_rows(stroke, points[:, :1], 2.0)
+        assert rows.offsets.tolist() == [0, 72 * ROWS] and rows.turned.tolist() == [turned]
+        at = (np.arange(72 * ROWS) + 0.5) / ROWS - 6  # px from the left end, where it is begun
+        assert rows.ends[:, 0] == pytest.approx(np.minimum(at, END))
+        assert rows.ends[:, 1] == pytest.approx(np.minimum(60 - at, END))
+        assert rows.features[:, 0] == pytest.approx(50 + np.clip(at, 0, 60))
+        assert rows.width == pytest.approx(np.full(72 * ROWS, 8.0))
+        assert rows.thickness == pytest.approx(np.full(72 * ROWS, 8.0))
+
+
+def test_strips_are_laid_as_a_hand_pulls_down_before_to_the_right():
+    ends = [(100, 0), (-100, 0), (0, 100), (0, -100), (-100, 55), (-100, 65)]
+    lines = [np.linspace((150, 150), np.add(150, end), 30) for end in ends]
+    offsets = 30 * np.arange(7)
+    strokes = Strokes(np.concatenate(lines), np.full(180, 5.0), offsets, np.zeros(6), np.zeros(6))
+    rows = stroke_rows(strokes, np.zeros((180, 1)), 2.0)
+    assert rows.turned.tolist() == [False, True, False, True, True, False]
+
+
+def test_a_closed_stroke_has_no_ends():
+    t = np.linspace(0, 2 * np.pi, 100)[:, None]
+    ring = 150 + 60 * np.concatenate([np.cos(t), np.sin(t)], axis=1)
+    ring[-1] = ring[0]
+    stroke = Strokes(ring, np.full(100, 6.0), np.array([0, 100]), np.zeros(1), np.ones(1))
+    rows = stroke_rows(stroke, np.zeros((100, 1)), 2.0)
+    assert (rows.ends == END).all() and rows.closed.tolist() == [True]
+    assert len(rows.width) == pytest.approx(2 * np.pi * 60 * ROWS, rel=0.01)
 
 
 # --------------------------------------------------------------------------------------- robustness

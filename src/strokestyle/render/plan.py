@@ -203,7 +203,7 @@ def _rival_pairs(paths: list[_Path], gap: float, span: int, spacing: float) -> n
     at = np.array([xy[-1] for xy in sides])
     towards = np.array([heading(xy, span) for xy in sides])
     pairs = cKDTree(at).query_pairs(gap, output_type="ndarray").reshape(-1, 2)
-    a, b = pairs[pairs[:, 0] // 2 != pairs[:, 1] // 2].T
+    a, b = pairs.T
     distance = np.linalg.norm(at[b] - at[a], axis=1)
     angle = _degrees(-(towards[a] * towards[b]).sum(axis=1))
     # across a wide gap the bridge itself must head the same way
