@@ -80,7 +80,7 @@ def shares(seen, truth, length):
 
 
 def brute_force(surface, eye, position, face):
-    """`Bvh.seen` for smooth lines in double precision: every triangle against every ray (Moller-Trumbore)."""
+    """`Bvh.seen` for smooth lines in double precision: all triangles against all rays."""
     corner = surface.vertices[surface.faces]
     edges = np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2).mean(axis=1)
     normal = surface.normals[surface.faces[face]].sum(axis=1)
@@ -106,7 +106,7 @@ def brute_force(surface, eye, position, face):
     return seen
 
 
-# ------------------------------------------------------------------------------------------------------------ hits
+# --------------------------------------------------------------------------------------------- hits
 
 
 def test_hits_on_a_sphere():
@@ -144,7 +144,7 @@ def test_units_and_places_do_not_matter():
         assert np.allclose(hits.distance[same] / scale, reference.distance[same], rtol=1e-4)
 
 
-# ------------------------------------------------------------------------------------------------------------ seen
+# --------------------------------------------------------------------------------------------- seen
 
 
 def test_the_front_of_a_sphere_is_seen():
@@ -160,7 +160,7 @@ def test_the_front_of_a_sphere_is_seen():
 
 
 def test_contours_of_a_torus_against_the_torus_itself():
-    """Recall >= .998, false <= .003 of the length, where the formula of the torus says what is hidden."""
+    """Recall >= .998, false <= .003 of the length, where the torus's formula says what is hidden."""
     surface = torus()
     scene = Bvh(surface)
     t = np.linspace(0, 1, 4000)[:, None]
@@ -228,7 +228,8 @@ def test_edges_of_a_cube(view, expected):
     for t in (0.02, 0.3, 0.98):
         place = ends[first] + t * (ends[first + 1] - ends[first])
         seen = Bvh(surface).seen(camera.eye, lines.face[first], place, np.ones(len(first), bool))
-        # the cube is convex: an edge is seen where one of its two sides, x = 0.5 say, has the eye before it
+        # the cube is convex: an edge is seen where one of its two sides, x = 0.5 say, has the eye
+        # before it
         facing = ((np.abs(place) > 0.4999) & (camera.eye * np.sign(place) > 0.5)).any(axis=1)
         assert np.array_equal(seen, facing) and seen.sum() == expected
 

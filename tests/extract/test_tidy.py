@@ -1,4 +1,4 @@
-"""Fragments in, strokes out: each rule of `tidy` on lines drawn here, noise, and what may never happen to any input."""
+"""Fragments in, strokes out: each rule of `tidy` on lines drawn here, noise, and any input."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def draw(*lines, kind=CONTOUR, strength=1.0, size=(768, 768), options=None):
     return tidy(curves, value, size, options)
 
 
-# ------------------------------------------------------------------------------------------------------------ merging
+# ------------------------------------------------------------------------------------------ merging
 
 
 @pytest.mark.parametrize("kind", [CONTOUR, CREASE, SUGGESTIVE])
@@ -133,7 +133,7 @@ def test_what_runs_along_another_drawing_goes():
     assert len(subtract_parallel(drawn, drawn)[0]) == 0
 
 
-# ------------------------------------------------------------------------------------------------------------ joining
+# ------------------------------------------------------------------------------------------ joining
 
 
 def test_a_chain_of_fragments_becomes_one_stroke():
@@ -190,7 +190,7 @@ def test_the_straightest_pair_meets_at_a_junction():
     assert len(out) == 2 and abs(out.lengths().max() - 200) < 1
 
 
-# ------------------------------------------------------------------------------------------- closed curves and corners
+# ------------------------------------------------------------------------ closed curves and corners
 
 
 def test_two_arcs_close_to_a_circle_that_starts_at_its_top():
@@ -252,7 +252,7 @@ def test_an_open_corner_is_split_where_it_is():
     assert (np.linalg.norm(meeting - (200, 100), axis=1) < 1.5).sum() == 2
 
 
-# -------------------------------------------------------------------------------------------------- dropping, smoothing
+# ------------------------------------------------------------------------------ dropping, smoothing
 
 
 def test_specks_go_rungs_stay():
@@ -320,7 +320,7 @@ def test_a_bend_keeps_its_place(kind, limit):
     assert 0.2 * limit < cKDTree(out.xy).query(tip)[0] <= limit + 0.01
 
 
-# ------------------------------------------------------------------------------------------------------ for any input
+# ------------------------------------------------------------------------------------ for any input
 
 
 def scribble(seed, count=250):
@@ -396,11 +396,11 @@ def test_errors_name_what_is_wrong():
         TidyOptions(corner=float("nan"))
 
 
-# ---------------------------------------------------------------------------- where points come from
+# --------------------------------------------------------------------------- where points come from
 
 
 def test_points_know_the_fragment_that_they_come_from():
-    """Two halves of a line with a gap between, a doubled line beside it, a closed curve, a corner."""
+    """Two halves of a line with a gap, a doubled line beside it, a closed curve, a corner."""
     given = [
         line((100, 100), (200, 100)),
         line((206, 100), (300, 100)),

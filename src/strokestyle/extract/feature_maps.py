@@ -87,7 +87,7 @@ class FeatureMaps:
         return self.values[self.names.index(name)]
 
 
-def feature_maps(surface: Surface, camera: Camera, curves: Curves, scene: Bvh) -> FeatureMaps:
+def feature_maps(surface: Surface, camera: Camera, curves: Curves, bvh: Bvh) -> FeatureMaps:
     """Measure the geometry seen at every pixel centre, by one ray each.
 
     The eight channels of Liu et al. 2021 (sec. 3.2): depth along the view axis, radial curvature
@@ -97,7 +97,7 @@ def feature_maps(surface: Surface, camera: Camera, curves: Curves, scene: Bvh) -
     cut at +-CLIP; background 1. Then the normal on the screen (background 0) and the plain raster
     of the curves.
     """
-    covered, face, bary = _first_faces(surface, camera, scene)
+    covered, face, bary = _first_faces(surface, camera, bvh)
     fields = _vertex_fields(surface, camera)
     corners = surface.faces[face]
     seen = sum(bary[:, i, None] * fields[corners[:, i]] for i in range(3)).T  # (9, pixels seen)
@@ -156,7 +156,7 @@ def _channels(seen: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _first_faces(
-    surface: Surface, camera: Camera, scene: Bvh
+    surface: Surface, camera: Camera, bvh: Bvh
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find where the surface is seen.
 
@@ -171,7 +171,7 @@ def _first_faces(
     x = (np.arange(*columns) + 0.5 - 0.5 * camera.width)[None, :, None] * right
     y = (np.arange(*rows) + 0.5 - 0.5 * camera.height)[:, None, None] * down
     rays = (x + (y + camera.focal * forward)).astype(np.float32)
-    hits = scene.first_hit(camera.eye, rays.reshape(-1, 3))
+    hits = bvh.first_hit(camera.eye, rays.reshape(-1, 3))
     hit = hits.face >= 0
     covered[slice(*rows), slice(*columns)] = hit.reshape(rays.shape[:2])
     return covered, hits.face[hit], hits.bary[hit].astype(np.float32)
