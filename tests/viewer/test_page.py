@@ -211,7 +211,7 @@ def opened(browser, tmp_path):
 PAINTED = """(() => {
   const [w, h] = current.drawing.size;
   const image = new ImageData(w * SCALE, h * SCALE);
-  new Uint32Array(image.data.buffer).fill(paperColor());
+  new Uint32Array(image.data.buffer).fill(backgroundColor());
   paintStrokes(current, current.edit, { scale: SCALE, x: 0, y: 0 }, Infinity, image);
   const canvas = Object.assign(document.createElement("canvas"), { width: w * SCALE, height: h * SCALE });
   canvas.getContext("2d").putImageData(image, 0, 0);

@@ -2,7 +2,7 @@
 
 const SETTLE = 200; // ms without a change until the picture is painted at its best
 const CROWD = 14; // px of the screen between handles that are shown
-const PART = 0.3; // of the paper: where less than this changes, only that is painted
+const PART = 0.3; // of the background: where less than this changes, only that is painted
 const BAND = 96; // rows of the picture at its best painted at a time
 const PAINTERS = 4; // at most
 const ROUGH = 0.3; // of the density of a mark whose texture is not looked at
@@ -136,7 +136,7 @@ function newPainter(code) {
   };
 }
 
-function paperColor() {
+function backgroundColor() {
   const context = document.createElement("canvas").getContext("2d");
   context.fillStyle = "#ffffff";
   // a name becomes #rrggbb, nonsense is left out
@@ -147,7 +147,7 @@ function paperColor() {
 
 /**
  * The canvas at `fine` pixels a pixel of the screen: {width, height, its sides there, view, box of
- * the paper seen}.
+ * the drawing seen}.
  */
 function canvasAt(fine) {
   const density = devicePixelRatio * fine;
@@ -199,7 +199,8 @@ function showCanvas(next, pictures, box = next.canvas.box) {
       width: camera.zoom * w,
       height: camera.zoom * h,
     };
-    for (const [side, value] of Object.entries(sides)) byId("paper").style[side] = `${value}px`;
+    for (const [side, value] of Object.entries(sides))
+      byId("background").style[side] = `${value}px`;
   }
   for (const { data, y0 } of pictures)
     context.putImageData(new ImageData(data, box.width), box.x0, y0);
@@ -220,7 +221,7 @@ function jobOf({ sheet, edit, canvas }, box) {
     edit,
     view: canvas.view,
     density,
-    paper: paperColor(),
+    background: backgroundColor(),
     ...box,
   };
 }

@@ -171,12 +171,12 @@ function paintStrokes(sheet, edit, view, density, image, x0 = 0, y0 = 0) {
 }
 
 /**
- * A painter's job done: {sheet: its number, edit, view, density, paper, x0, y0, width, height} ->
- * RGBA bytes.
+ * A painter's job done: {sheet: its number, edit, view, density, background, x0, y0, width, height}
+ * -> RGBA bytes.
  */
-function painted(sheet, { edit, view, density, paper, x0, y0, width, height }) {
+function painted(sheet, { edit, view, density, background, x0, y0, width, height }) {
   const data = new Uint8ClampedArray(4 * width * height);
-  new Uint32Array(data.buffer).fill(paper);
+  new Uint32Array(data.buffer).fill(background);
   paintStrokes(sheet, edit, view, density, { data, width, height }, x0, y0);
   return data;
 }
