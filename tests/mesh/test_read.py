@@ -1,4 +1,5 @@
-"""OBJ files of all dialects, against trimesh and closed forms, and what is wrong with the others."""
+"""OBJ files of all dialects, against trimesh and closed forms, and what is wrong with the
+others."""
 
 import json
 import struct
@@ -80,7 +81,10 @@ def test_vertices_may_carry_weights_and_colours():
 
 
 def test_objects_are_parts():
-    text = b"f 1 2 3\no body of it\nf 1 3 4\no wheel\nv 0 0 1\no unused\no body of it\nf 1 2 5\no wh\xe4el\nf 2 3 5 4"
+    text = (
+        b"f 1 2 3\no body of it\nf 1 3 4\no wheel\nv 0 0 1\no unused\no body of it\nf 1 2 5\n"
+        b"o wh\xe4el\nf 2 3 5 4"
+    )
     _, faces, part, names = read_obj(SQUARE + text)
     assert [names[i] for i in part] == ["", "body of it", "body of it", "wh\ufffdel", "wh\ufffdel"]
     assert len(names) == 3
@@ -104,10 +108,13 @@ def glb(nodes, meshes):
         {"buffer": 0, "byteOffset": 48, "byteLength": 12},
     ]
     content = {
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": list(range(len(nodes)))}], "nodes": nodes,
-        "meshes": [{**mesh, "primitives": [piece] * mesh["primitives"]} for mesh in meshes], "bufferViews": views,
+        "asset": {"version": "2.0"}, "scene": 0,
+        "scenes": [{"nodes": list(range(len(nodes)))}], "nodes": nodes,
+        "meshes": [{**mesh, "primitives": [piece] * mesh["primitives"]} for mesh in meshes],
+        "bufferViews": views,
         "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3",
+             "min": [0, 0, 0], "max": [1, 1, 0]},
             {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
         ],
         "buffers": [{"byteLength": len(blob)}],
@@ -270,7 +277,8 @@ def test_the_common_kinds_are_read_as_by_trimesh(tmp_path, kind, read):
 def test_what_is_uncommon_is_left_to_trimesh(tmp_path):
     vertices, _ = quads()
     body = "\n".join(" ".join(map(str, point)) for point in vertices) + "\n4 0 1 2 3\n3 0 1 5\n"
-    header = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"
+    header = "ply\nformat ascii 1.0\nelement vertex 6\n"
+    header += "property float x\nproperty float y\nproperty float z\n"
     text = header + "element face 2\nproperty list uchar int vertex_indices\nend_header\n" + body
     for uncommon in (
         text,

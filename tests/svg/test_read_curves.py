@@ -72,7 +72,8 @@ K = 0.5522847498307936  # handles of the quarter circle as one cubic, off by 2.7
         '<path d="m80 40a30 30 0 10-60 0a30 30 0 1060 0z"/>',
         '<path d="M20 40a30 30 77 1 1 0 1e-6z"/>',
         '<path d="M20 40a3 3 0 0 1 60 0a.1.1 0 0 1-60 0"/>',  # radii too small reach all the same
-        f'<path transform="translate(50 40)scale(30)" d="M1 0C1 {K} {K} 1 0 1S-1 {K}-1 0-{K}-1 0-1 1-{K} 1 0z"/>',
+        '<path transform="translate(50 40)scale(30)" '
+        f'd="M1 0C1 {K} {K} 1 0 1S-1 {K}-1 0-{K}-1 0-1 1-{K} 1 0z"/>',
         '<rect x="20" y="10" width="60" height="60" rx="30"/>',
     ],
 )
@@ -192,7 +193,8 @@ def test_transforms_are_composed_from_the_outside_in(tmp_path):
         @ np.array([[1, 0, 0], [lean, 1, 0], [0, 0, 1]])
         @ np.array([[1, 3, 5], [2, 4, 6], [0, 0, 1]])
     )
-    body = """<g transform="translate(5,7) rotate(30)"><a transform="scale(2 3)"><g transform="skewX(20)skewY( 20 )">
+    body = """<g transform="translate(5,7) rotate(30)"><a transform="scale(2 3)"><g
+    transform="skewX(20)skewY( 20 )">
       <polyline transform="matrix(1 2 3 4 5 6)" points="1 2 3 5 4-2"/></g></a></g>"""
     got = load(tmp_path, body)[0]
     assert np.allclose(got, (np.array([[1, 2, 1], [3, 5, 1], [4, -2, 1]]) @ by_hand.T)[:, :2])
@@ -204,14 +206,16 @@ def test_transforms_are_composed_from_the_outside_in(tmp_path):
 
 
 def test_pictures_agree_with_another_renderer(tmp_path):
-    body = """<g transform="translate(60 50) rotate(30) scale(1.5 .8)" fill="none" stroke="black" stroke-width="1.5"
+    body = """<g transform="translate(60 50) rotate(30) scale(1.5 .8)" fill="none" stroke="black"
+    stroke-width="1.5"
       stroke-linejoin="round">
       <path d="M-30 0c10 -40 20 40 40 0s10 30 20 10q5-20 10 0t4 4"/>
       <g transform="skewX(20)"><path d="M-20 20a20 10 40 1 0 30 5z"/></g>
       <polygon transform="matrix(1 .2 -.3 1 4 5)" points="0,0 20,0 10 15"/>
       <g transform="rotate(45 10 10)skewY(10)"><line x1="0" y1="0" x2="30" y2="3"/></g>
-      <svg x="5" y="-30" width="20" height="20" viewBox="0 0 10 5"><polyline points="0 0 10 0 5 5 1 4"/></svg>
-      <rect x="-35" y="15" width="15" height="12" rx="5" ry="3"/><ellipse cx="25" cy="25" rx="4" ry="9"/>
+      <svg x="5" y="-30" width="20" height="20" viewBox="0 0 10 5"><polyline points="0 0 10 0 5 5 1
+      4"/></svg> <rect x="-35" y="15" width="15" height="12" rx="5" ry="3"/><ellipse cx="25" cy="25"
+      rx="4" ry="9"/>
     </g>"""
     attributes = 'viewBox="-10 5 120 100" width="400" height="300"'
     svg = SVG.format(attributes, body)
@@ -251,7 +255,8 @@ def test_the_page_is_laid_on_the_canvas(tmp_path, attributes, ends):
 
 
 def test_a_nested_page_has_its_own_coordinates(tmp_path):
-    body = """<svg x="10%" y="20" width="50" height="25%" viewBox="100 0 10 10"><line x1="100" x2="110" y2="100%"/>
+    body = """<svg x="10%" y="20" width="50" height="25%" viewBox="100 0 10 10"><line x1="100"
+    x2="110" y2="100%"/>
       </svg>
       <svg x="3" y="4"><line x2="7" y2="9"/></svg>"""
     curves = load(tmp_path, body)
@@ -322,10 +327,12 @@ def test_rounding_does_not_open_a_curve(tmp_path):
 def test_what_is_hidden_is_no_line(tmp_path):
     line = '<path d="M0 0L9 9"/>'
     hidden = f"""<defs>{line}</defs><g display="none">{line}</g><clipPath>{line}</clipPath>
-    <g style="fill:none; display: none !important">{line}</g><symbol>{line}</symbol><mask><g>{line}</g></mask>
-    <pattern>{line}</pattern><marker>{line}</marker><g visibility="hidden">{line}</g><path d="none"/><path/>
-    <g style="visibility:hidden">{line}</g><foo:path xmlns:foo="urn:foo" d="M0 0L9 9"/><text>{line}</text><path d=""/>
-    <line/><rect width="5"/><circle cx="4"/><ellipse rx="0" ry="4"/><path d="M4 4L4 4z"/><polygon points=" "/>
+    <g style="fill:none; display: none !important">{line}</g><symbol>{line}</symbol>
+    <mask><g>{line}</g></mask><pattern>{line}</pattern><marker>{line}</marker>
+    <g visibility="hidden">{line}</g><path d="none"/><path/>
+    <g style="visibility:hidden">{line}</g><foo:path xmlns:foo="urn:foo" d="M0 0L9 9"/>
+    <text>{line}</text><path d=""/><line/><rect width="5"/><circle cx="4"/>
+    <ellipse rx="0" ry="4"/><path d="M4 4L4 4z"/><polygon points=" "/>
     <path d="M3 3"/><polyline/>{line}"""
     assert len(load(tmp_path, hidden)) == 1
     assert (
@@ -356,7 +363,8 @@ def test_our_hidden_lines_are_not_read_as_lines(tmp_path):
 def test_json(tmp_path):
     path = tmp_path / "c.json"
     data = {"size": [50, 50], "curves": [[[0, 0], [10, 10]], [[5, 5]], [[0, 0], [9, 0], [9, 9]]],
-            "kinds": ["Crease", "valley", "hand-drawn"], "closed": [False, False, True]}  # fmt: skip
+             "kinds": ["Crease", "valley", "hand-drawn"],
+             "closed": [False, False, True]}  # fmt: skip
     path.write_text(json.dumps(data))
     curves = load_curves(path, (100, 100))
     assert names(curves) == ["crease", "other"] and curves.closed.tolist() == [False, True]
@@ -400,7 +408,8 @@ def test_an_open_curve_whose_ends_meet_stays_open_where_the_json_says_so(tmp_pat
 
 
 def test_our_own_strokes_give_their_centre_lines(tmp_path):
-    body = """<g id="layer-valley"><path data-ss-class="contour" data-ss-path="M2 2l50 9" d="M0 0h9v9z"/>
+    body = """<g id="layer-valley"><path data-ss-class="contour" data-ss-path="M2 2l50 9" d="M0
+    0h9v9z"/>
       <g class="stroke" data-ss-path="M5 5l7 7"><path d="M0 0h9v9z"/></g></g>"""
     curves = load(tmp_path, body)
     assert names(curves) == ["contour", "valley"]
@@ -529,7 +538,8 @@ def test_the_parser_itself_refuses_declarations():
 def test_a_document_type_that_only_names_svg_is_let_through_and_not_fetched(tmp_path, encoding):
     declared = (
         DOCTYPE
-        + "\n<!-- Created with an old program -->\n<svg><path d='M0 0L9 9'/><text>&unknown;</text></svg>"
+        + "\n<!-- Created with an old program -->\n"
+        + "<svg><path d='M0 0L9 9'/><text>&unknown;</text></svg>"
     )
     (tmp_path / "c.svg").write_text(
         f'<?xml version="1.0" standalone="no"?>{declared}', encoding=encoding
@@ -543,7 +553,8 @@ def test_utf_16_is_read(tmp_path):
 
 
 def test_references_are_not_followed(tmp_path):
-    body = """<use href="http://127.0.0.1:9/a.svg#x"/><image href="file:///etc/hostname"/><style>@import "file:///x"</style>
+    body = """<use href="http://127.0.0.1:9/a.svg#x"/><image
+    href="file:///etc/hostname"/><style>@import "file:///x"</style>
       <path d="M0 0L9 9"/>"""
     assert len(load(tmp_path, body)) == 1
 
