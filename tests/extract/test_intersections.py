@@ -38,7 +38,8 @@ def scatter(count, seed=0, size=0.7):
 
 
 def by_signs(vertices, faces, i, j):
-    """Do faces i and j cross? A side of one goes through the other: signs of volumes of tetrahedra."""
+    """Do faces i and j cross? A side of one goes through the other: signs of volumes of
+    tetrahedra."""
     for a, b in ((i, j), (j, i)):
         p, (q0, q1, q2) = vertices[faces[a]], vertices[faces[b]]
         volume = lambda *t: np.sign(np.linalg.det(np.array(t[:3]) - t[3]))  # noqa: E731
@@ -121,7 +122,8 @@ def test_a_circle_is_seen_where_it_faces_the_eye():
         lines = feature_curves(surface, camera, ONLY)
         curves = look_along(surface, camera, lines, scene).fragments().curves
         share.append(curves.lengths().sum() * 60.0 / camera.focal / circle)
-    # from the small sphere's side half of it would be seen at the rim; here it is behind the small sphere's widest part
+    # from the small sphere's side half of it would be seen at the rim; here it is behind the small
+    # sphere's widest part
     assert share[0] < 0.01 and share[1] < 0.01
     assert abs(share[2] - 1.0 / np.pi) < 0.01  # edge on: a line as long as the circle is wide
 

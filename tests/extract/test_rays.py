@@ -1,4 +1,5 @@
-"""What rays hit and what is seen: closed forms, an exact slow road, and shapes that are nothing much."""
+"""What rays hit and what is seen: closed forms, an exact slow road, and shapes that are nothing
+much."""
 
 from types import SimpleNamespace
 
@@ -28,7 +29,8 @@ def grid(rows, columns, wrap_rows=True):
 def sphere(rows=40, columns=80, radius=lambda direction: 0.5):
     polar = np.pi * (np.arange(rows) + 0.5) / rows
     around = 2 * np.pi * np.arange(columns) / columns
-    d = np.stack([np.outer(np.sin(polar), np.sin(around)), np.outer(np.cos(polar), np.ones(columns)),
+    d = np.stack([np.outer(np.sin(polar), np.sin(around)),
+                  np.outer(np.cos(polar), np.ones(columns)),
                   np.outer(np.sin(polar), np.cos(around))], axis=2).reshape(-1, 3)  # fmt: skip
     d = np.concatenate([d, [[0, 1, 0], [0, -1, 0]]])
     k, n = np.arange(columns), len(d)
@@ -53,7 +55,8 @@ def torus(rows=120, columns=60, thick=0.16):
 
 CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 CUBE_FACES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
+     [0, 2, 6], [0, 6, 4],
      [1, 5, 7], [1, 7, 3]]
 )  # fmt: skip
 
@@ -160,7 +163,8 @@ def test_the_front_of_a_sphere_is_seen():
 
 
 def test_contours_of_a_torus_against_the_torus_itself():
-    """Recall >= .998, false <= .003 of the length, where the torus's formula says what is hidden."""
+    """Recall >= .998, false <= .003 of the length, where the torus's formula says what is
+    hidden."""
     surface = torus()
     scene = Bvh(surface)
     t = np.linspace(0, 1, 4000)[:, None]

@@ -38,7 +38,8 @@ def write_svg(*drawn, **options):
 
 
 def drawing(texture=None):
-    """A straight contour, a wavy valley, a closed crease, a ridge that crosses itself; `texture` one of TEXTURES."""
+    """A straight contour, a wavy valley, a closed crease, a ridge that crosses itself; `texture`
+    one of TEXTURES."""
     t = np.linspace(0, 1, 41)
     lines = [
         np.stack([20 + 120 * t, 30 + 0 * t], axis=1),
@@ -91,7 +92,7 @@ class Elements(HTMLParser):
             self.text[self.inside] = self.text.get(self.inside, "") + data
 
 
-# ------------------------------------------------------------------------------------------------------- the file
+# ----------------------------------------------------------------------------------------- the file
 
 
 def test_the_page_stands_alone_and_runs_only_its_own_script():
@@ -174,7 +175,7 @@ def test_what_cannot_be_shown_gets_one_line(tmp_path):
     assert not page.exists()
 
 
-# ------------------------------------------------------------------------------------------------- in the browser
+# ----------------------------------------------------------------------------------- in the browser
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +192,8 @@ def browser():
 
 @pytest.fixture
 def opened(browser, tmp_path):
-    """opened(drawing or text, ...) shows a page of them, a.svg, b.svg ...; no test may leave an error in the page."""
+    """opened(drawing or text, ...) shows a page of them, a.svg, b.svg ...; no test may leave an
+    error in the page."""
 
     def show(*drawings, **options):
         texts = [d if isinstance(d, str) else write_svg(d) for d in drawings]
@@ -213,9 +215,8 @@ PAINTED = """(() => {
   const image = new ImageData(w * SCALE, h * SCALE);
   new Uint32Array(image.data.buffer).fill(backgroundColor());
   paintStrokes(current, current.edit, { scale: SCALE, x: 0, y: 0 }, Infinity, image);
-  const canvas = Object.assign(document.createElement("canvas"), { width: w * SCALE, height: h * SCALE });
-  canvas.getContext("2d").putImageData(image, 0, 0);
-  return canvas.toDataURL();
+  const canvas = Object.assign(document.createElement("canvas"), { width: w * SCALE, height: h *
+  SCALE }); canvas.getContext("2d").putImageData(image, 0, 0); return canvas.toDataURL();
 })()"""
 
 
@@ -296,14 +297,16 @@ def test_the_first_picture_waits_for_no_worker(opened):
         "frame === 0 && shown && shown.canvas.view.scale > current.camera.zoom"
     )  # the picture at its best
     text = """
-        painters.splice(0, painters.length, { tell() {}, paint: () => new Promise(() => {}) }); // it never answers
-        shown = null;
-        ink.getContext("2d").clearRect(0, 0, ink.width, ink.height);
+        painters.splice(0, painters.length, { tell() {}, paint: () => new Promise(() => {}) }); //
+        it never answers shown = null; ink.getContext("2d").clearRect(0, 0, ink.width, ink.height);
         refresh();
     """
     browser.run(f"(() => {{ {text} }})()")
     browser.frame()
-    shown = "ink.getContext('2d').getImageData(0, 0, ink.width, ink.height).data.filter((v, i) => i % 4 === 3 && v > 0)"
+    shown = (
+        "ink.getContext('2d').getImageData(0, 0, ink.width, ink.height).data"
+        ".filter((v, i) => i % 4 === 3 && v > 0)"
+    )
     assert browser.run(f"{shown}.length") > 1000
 
 
@@ -560,7 +563,8 @@ def test_a_layer_and_a_part_in_it_are_switched_off_apart(opened, layers):
 
     def switch(key):
         browser.run(
-            f"[...document.querySelectorAll('#layers input')].find((i) => i.value === {json.dumps(key)}).click()"
+            f"[...document.querySelectorAll('#layers input')].find((i) => i.value === "
+            f"{json.dumps(key)}).click()"
         )
 
     everything = kept()
@@ -629,9 +633,8 @@ def test_wheel_drag_and_fit(opened):
 @in_browser
 def test_several_drawings_on_one_page(opened):
     browser = opened(drawing(), drawing("grain"), drawing("colours"), width=800, height=500)
-    assert browser.run("[...document.querySelectorAll('#tabs button')].map((tab) => tab.textContent)") == [
-        "a.svg", "b.svg", "c.svg",
-    ]  # fmt: skip
+    tabs = "[...document.querySelectorAll('#tabs button')].map((tab) => tab.textContent)"
+    assert browser.run(tabs) == ["a.svg", "b.svg", "c.svg"]
     browser.click(*middle(browser, "#tabs button:nth-child(2)"))
     slide(browser, "#thickness", 1)
     assert abs(by_kind(read_svg(saved(browser, "b-edited.svg")))["contour"][1].max() - 14) < 0.1
@@ -686,10 +689,12 @@ def test_hostile_words_stay_words(browser, tmp_path):
     assert browser.run("window.harm === undefined && document.querySelectorAll('img').length === 0")
     assert browser.run("document.querySelector('#tabs button').textContent") == HOSTILE
     browser.run(
-        "document.body.append(Object.assign(document.createElement('div'), {innerHTML: '<img src=x onerror=harm=1>'}))"
+        "document.body.append(Object.assign(document.createElement('div'), "
+        "{innerHTML: '<img src=x onerror=harm=1>'}))"
     )
     browser.run(
-        "document.head.append(Object.assign(document.createElement('script'), {textContent: 'harm = 1'}))"
+        "document.head.append(Object.assign(document.createElement('script'), "
+        "{textContent: 'harm = 1'}))"
     )
     assert browser.run(
         "window.harm === undefined"

@@ -76,7 +76,8 @@ class Camera:
 
     @property
     def axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Find unit vectors (right, down, forward) of the image, in world coordinates, each (3,)."""
+        """Find unit vectors (right, down, forward) of the image, in world coordinates, each
+        (3,)."""
         forward = self.target - self.eye
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, self.up)
