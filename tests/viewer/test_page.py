@@ -297,8 +297,9 @@ def test_the_first_picture_waits_for_no_worker(opened):
         "frame === 0 && shown && shown.canvas.view.scale > current.camera.zoom"
     )  # the picture at its best
     text = """
-        painters.splice(0, painters.length, { tell() {}, paint: () => new Promise(() => {}) }); //
-        it never answers shown = null; ink.getContext("2d").clearRect(0, 0, ink.width, ink.height);
+        // a painter that never answers
+        painters.splice(0, painters.length, { tell() {}, paint: () => new Promise(() => {}) });
+        shown = null; ink.getContext("2d").clearRect(0, 0, ink.width, ink.height);
         refresh();
     """
     browser.run(f"(() => {{ {text} }})()")
