@@ -14,6 +14,7 @@ from strokestyle.mesh.read_obj import read_obj
 from strokestyle.mesh.read_ply import read_ply
 from strokestyle.mesh.read_stl import read_stl
 from strokestyle.mesh.read_with_trimesh import read_with_trimesh
+from strokestyle.mesh.surface import load_surface, make_surface
 from strokestyle.mesh.triangles import LeftToTrimesh
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -33,7 +34,7 @@ def test_the_same_triangles_as_trimesh(tmp_path):
         lines.append("f " + " ".join(form.format(corner) for corner in face))
     path = tmp_path / "x.obj"
     path.write_text("\n".join(lines))
-    vertices, faces, part, names = read_mesh(path)
+    vertices, faces, part, names, _ = read_mesh(path)
     theirs = trimesh.load(path, process=False)
     corners = [np.sort(np.round(p[f], 12).reshape(-1, 9), axis=0) for p, f in
                ((vertices, faces), (theirs.vertices, theirs.faces))]  # fmt: skip
@@ -55,7 +56,7 @@ def test_the_same_triangles_as_trimesh(tmp_path):
     ],
 )
 def test_dialects_of_a_square(faces):
-    vertices, faces, part, names = read_obj(SQUARE + faces)
+    vertices, faces, part, names, _ = read_obj(SQUARE + faces)
     assert faces.tolist() == [[0, 1, 2], [0, 2, 3]] and not part.any() and names == ("",)
     assert vertices[:4].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 
@@ -63,11 +64,24 @@ def test_dialects_of_a_square(faces):
 def test_polygons_are_fans():
     t = np.arange(7) / 7 * 2 * np.pi
     points = "".join(f"v {x:.9f} {y:.9f} 0\n" for x, y in zip(np.cos(t), np.sin(t), strict=True))
-    vertices, faces, _, _ = read_obj((points + "f 1 2 3\nf 1 3 4 5 6 7\n").encode())
+    vertices, faces, _, _, _ = read_obj((points + "f 1 2 3\nf 1 3 4 5 6 7\n").encode())
     assert faces[:, 0].tolist() == [0] * 5 and faces[:, 1:].tolist() == [
         [i, i + 1] for i in range(1, 6)
     ]
     assert area(vertices, faces) == pytest.approx(3.5 * np.sin(2 * np.pi / 7))
+
+
+def test_triangles_know_their_polygon(tmp_path):
+    path = tmp_path / "x.obj"
+    path.write_bytes(SQUARE + b"v 2 2 2\nf 1 2 3 4\nf 1 2\nf 2 3 5\nf 4 3 2 1 5\n")
+    polygon = read_mesh(path).polygon
+    assert polygon[0] == polygon[1] and len(set(polygon)) == 3 and np.ptp(polygon[3:]) == 0
+    surface = load_surface(path)
+    assert np.unique(surface.polygon, return_counts=True)[1].tolist() == [2, 1, 3]
+    plain = make_surface(read_mesh(path).vertices, read_mesh(path).faces)
+    assert np.array_equal(plain.polygon, np.arange(len(plain.faces)))
+    with pytest.raises(ValueError, match="polygon must have shape"):
+        make_surface(np.eye(3), [[0, 1, 2]], polygon=[1, 2])
 
 
 def test_vertices_may_carry_weights_and_colours():
@@ -85,14 +99,14 @@ def test_objects_are_parts():
         b"f 1 2 3\no body of it\nf 1 3 4\no wheel\nv 0 0 1\no unused\no body of it\nf 1 2 5\n"
         b"o wh\xe4el\nf 2 3 5 4"
     )
-    _, faces, part, names = read_obj(SQUARE + text)
+    _, faces, part, names, _ = read_obj(SQUARE + text)
     assert [names[i] for i in part] == ["", "body of it", "body of it", "wh\ufffdel", "wh\ufffdel"]
     assert len(names) == 3
 
 
 def test_groups_are_parts_where_there_are_no_objects():
     text = b"f 1 2 3\ng default\nf 1 3 4\ng left arm\nf 1 2 3\ng hat\nf 1 3 4\ng left arm\nf 1 2 4"
-    _, faces, part, names = read_obj(SQUARE + text)
+    _, faces, part, names, _ = read_obj(SQUARE + text)
     assert [names[i] for i in part] == ["", "", "left arm", "hat", "left arm"] and len(names) == 3
     assert read_obj(SQUARE + b"o all\n" + text)[3] == ("all",)
 
@@ -148,7 +162,7 @@ def test_parts_of_a_scene_have_the_names_of_nodes_then_of_meshes_and_none_that_w
             ],
         )
     )
-    vertices, faces, part, names = read_mesh(path)
+    vertices, faces, part, names, _ = read_mesh(path)
     left = vertices[faces].min(axis=(1, 2), where=[True, False, False], initial=9)
     assert {(names[p], round(x)) for p, x in zip(part, left, strict=True)} == {
         ("body", 0), ("body_part", 2), ("plate", 4), ("", 6),
@@ -195,7 +209,7 @@ def test_errors_name_the_line(text, message):
     ],
 )
 def test_next_to_nothing(text):
-    vertices, faces, part, names = read_obj(text.encode())
+    vertices, faces, part, names, _ = read_obj(text.encode())
     assert len(vertices) == text.count("v ") and len(faces) == len(part) == len(names) == 0
     assert vertices.shape[1:] == faces.shape[1:] == (3,)
 
@@ -249,7 +263,7 @@ def test_ply_of_quads(form, colours, number, ends):
             )
         for face in faces:
             data += b"\4" + np.array(face, order + "i4").tobytes()
-    found, triangles, part, names = read_ply(data)
+    found, triangles, part, names, _ = read_ply(data)
     assert np.allclose(found, vertices) and triangles.tolist() == [
         [0, 1, 2],
         [0, 2, 3],
@@ -272,6 +286,7 @@ def test_the_common_kinds_are_read_as_by_trimesh(tmp_path, kind, read):
     ours, theirs = read(data), read_with_trimesh(path)
     assert np.array_equal(ours[0][ours[1]], theirs[0][theirs[1]])
     assert all(np.array_equal(a, b) for a, b in zip(read_mesh(path), ours, strict=True))
+    assert ours.polygon is None or np.array_equal(ours.polygon, np.arange(len(ours.faces)))
 
 
 def test_what_is_uncommon_is_left_to_trimesh(tmp_path):
@@ -292,7 +307,7 @@ def test_what_is_uncommon_is_left_to_trimesh(tmp_path):
         read_stl(b" " * 80 + b"\1\0\0\0" + b"\0" * 100)
     path = tmp_path / "mixed.ply"
     path.write_text(text)
-    found, faces, _, _ = read_mesh(path)
+    found, faces, _, _, _ = read_mesh(path)
     assert len(faces) == 3 and area(found, faces) == pytest.approx(1 + 1)
     path = tmp_path / "text.stl"
     path.write_text(trimesh.Trimesh(*shapes.sphere(1), process=False).export(file_type="stl_ascii"))

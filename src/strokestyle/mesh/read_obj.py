@@ -29,7 +29,7 @@ def read_obj(data: bytes) -> Triangles:
     vertices = _read_vertices(lines)
     faces, line = _read_faces(lines, len(vertices))
     part, names = _read_parts(lines, line)
-    return Triangles(vertices, faces, part, names)
+    return Triangles(vertices, faces, part, names, line)  # a polygon a line
 
 
 @dataclass(frozen=True)

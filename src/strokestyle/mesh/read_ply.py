@@ -52,7 +52,8 @@ def read_ply(data: bytes) -> Triangles:
         raise LeftToTrimesh("not a common kind of PLY file") from None
     fans = [polygons[:, [0, k, k + 1]] for k in range(1, corners - 1)]
     faces = np.stack(fans, axis=1).reshape(-1, 3)
-    return Triangles(vertices, faces, np.zeros(len(faces), np.int64), ("",))
+    polygon = np.repeat(np.arange(len(polygons)), corners - 2)
+    return Triangles(vertices, faces, np.zeros(len(faces), np.int64), ("",), polygon)
 
 
 def _expect(common: bool | np.bool_) -> None:

@@ -49,6 +49,7 @@ class Surface:
     centre, scale : the file's coordinates are vertices * scale + centre
     part, part_names : (F,) int, index into the names of a scene's parts; by default all faces are
         of the first
+    polygon : (F,) int, which polygon of the file each face was cut from; by default each is one
     weld : (V,) int, the first vertex at each vertex's place; by default no two lie at one
     connectivity : what follows from vertices, faces and weld, where it is known already
 
@@ -71,6 +72,7 @@ class Surface:
     scale: float = 1.0
     part: np.ndarray = field(default_factory=_nothing)
     part_names: tuple[str, ...] = ("",)
+    polygon: np.ndarray = field(default_factory=_nothing)
     weld: np.ndarray = field(default_factory=_nothing)
     # None only until __post_init__ has made one
     connectivity: Connectivity = field(  # type: ignore[assignment]
@@ -83,6 +85,7 @@ class Surface:
         integers = {
             "faces": faces,
             "part": _checked_part(self.part, len(faces), len(self.part_names)),
+            "polygon": _checked_polygon(self.polygon, len(faces)),
             "weld": _checked_weld(self.weld, count),
         }
         for name, value in {**integers, **self._checked_fields(count)}.items():
@@ -205,6 +208,11 @@ def _checked_part(part: np.ndarray, faces: int, names: int) -> np.ndarray:
     return part
 
 
+def _checked_polygon(polygon: np.ndarray, faces: int) -> np.ndarray:
+    polygon = polygon if np.size(polygon) else np.arange(faces)
+    return _one_per_face("Surface.polygon", polygon, faces)
+
+
 def _checked_weld(weld: np.ndarray, vertices: int) -> np.ndarray:
     own = np.arange(vertices)
     weld = np.asarray(weld, np.int64) if np.size(weld) else own
@@ -232,7 +240,13 @@ def load_surface(path: str | Path, smooth: float = 0.0, crease: float = DEFAULT_
     found = read_mesh(path)
     try:
         return make_surface(
-            found.vertices, found.faces, smooth, crease, found.part, found.part_names
+            found.vertices,
+            found.faces,
+            smooth,
+            crease,
+            found.part,
+            found.part_names,
+            polygon=found.polygon,
         )
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
@@ -246,6 +260,7 @@ def make_surface(
     part: np.ndarray | None = None,
     part_names: tuple[str, ...] = ("",),
     rtsc: bool = False,
+    polygon: np.ndarray | None = None,
 ) -> Surface:
     """Clean a triangle soup and measure it.
 
@@ -263,6 +278,8 @@ def make_surface(
         never
     part, part_names : the named part that each face belongs to
     rtsc : reproduce rtsc 1.6 to the last digit, its faults included (see differential_geometry)
+    polygon : (F,) int, which polygon each face was cut from: an edge within one is no edge of the
+        shape; by default each face is one
 
     Raises
     ------
@@ -275,10 +292,12 @@ def make_surface(
         raise ValueError(f"smooth must lie between 0 and {MAX_SMOOTH:g} mean edges, got {smooth}")
     if not 0.0 < crease <= 180.0:
         raise ValueError(f"crease must be an angle of up to 180 degrees, got {crease}")
-    part = np.zeros(len(faces), np.int64) if part is None else np.asarray(part, np.int64)
+    part = _one_per_face("part", np.zeros(len(faces)) if part is None else part, len(faces))
+    polygon = np.arange(len(faces)) if polygon is None else polygon
+    polygon = _one_per_face("polygon", polygon, len(faces))
     points, faces = drop_unused_vertices(vertices, faces)
     points, centre, scale = centre_and_scale(points)
-    points, faces, part = weld_vertices(points, faces, part)
+    points, faces, kept = weld_vertices(points, faces, np.arange(len(faces)))
     edges = Edges.of(faces, len(points))
     turn = faces_to_flip(points, faces, edges)
     faces, edges = np.where(turn[:, None], faces[:, ::-1], faces), edges.turned(turn)
@@ -293,11 +312,19 @@ def make_surface(
         **differential_geometry(vertices, faces, smooth, rtsc, whole)._asdict(),
         centre=centre + scale * moved_centre,
         scale=scale * moved_scale,
-        part=part,
+        part=part[kept],
         part_names=part_names,
+        polygon=polygon[kept],
         weld=weld,
         connectivity=Connectivity(vertices, faces, weld, edges),
     )
+
+
+def _one_per_face(name: str, value: np.ndarray, faces: int) -> np.ndarray:
+    value = np.asarray(value).astype(np.int64)
+    if value.shape != (faces,):
+        raise ValueError(f"{name} must have shape ({faces},), got {value.shape}")
+    return value
 
 
 def _check_soup(vertices: np.ndarray, faces: np.ndarray) -> None:

@@ -18,12 +18,14 @@ class Triangles(NamedTuple):
     vertices : (V, 3) float64
     faces : (F, 3) int64, naming vertices that exist
     part, part_names : (F,) int64, index into the names; "" where the file gives a part no name
+    polygon : (F,) int64, which of the file's polygons each face was cut from; None: each is one
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     part: np.ndarray
     part_names: tuple[str, ...]
+    polygon: np.ndarray | None = None
 
 
 class LeftToTrimesh(ValueError):
