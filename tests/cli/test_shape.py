@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from strokestyle.cli.messages import told_warnings
 from strokestyle.cli.shape import Shape
 from strokestyle.extract.camera import fit_camera
 from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.turntable import fit_turntable_camera
 from strokestyle.geometry.kinds import KINDS
+from strokestyle.mesh.messages import warn
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +75,14 @@ def test_a_turntable_is_the_librarys(box):
 def test_options_that_do_not_go_together(box, path, options, words):
     with pytest.raises(click.UsageError, match=words):
         Shape(box if path == "box" else path, options)
+
+
+def test_what_the_library_warns_of_is_one_line_on_stderr(capfd):
+    with told_warnings():
+        warn("two\nlines are  left out")
+        warn("two\nlines are  left out")
+    assert capfd.readouterr() == ("", "warning: two lines are left out\n")
+    with pytest.raises(ValueError), told_warnings():
+        warn("a line")
+        raise ValueError
+    assert capfd.readouterr() == ("", "")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
+import warnings
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
@@ -37,6 +40,20 @@ class timed:
     def __exit__(self, *error: object) -> None:
         if error[0] is None:
             say(f"  {self.name}: {time.perf_counter() - self.start:.2f} s", level=1)
+
+
+@contextlib.contextmanager
+def told_warnings() -> Iterator[None]:
+    """Tell the user, a line each, what the library warns of within: what a mesh is drawn without.
+
+    After an error nothing but the error is told. What Python itself and numpy warn of is dropped.
+    """
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always", UserWarning)
+        yield
+    ours = [str(one.message) for one in found if issubclass(one.category, UserWarning)]
+    for text in dict.fromkeys(ours):
+        say(f"warning: {' '.join(text.split())}")
 
 
 def describe(error: BaseException) -> str:

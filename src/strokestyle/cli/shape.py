@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .messages import timed
+from .messages import timed, told_warnings
 from .options import curve_options, line_options, view_options
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Shape:
         """The mesh, cleaned and measured."""
         from ..mesh.surface import load_surface
 
-        with timed("read the mesh"):
+        with timed("read the mesh"), told_warnings():
             return load_surface(self.path)
 
     def camera(self) -> Camera:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from .messages import NotSupported, naming
 from .read_obj import read_obj
 from .read_ply import read_ply
 from .read_stl import read_stl
@@ -32,6 +33,8 @@ def read_mesh(path: str | Path) -> Triangles:
         where the file cannot be opened
     ValueError
         where it is empty, damaged or holds no faces. Either is one line that names the file.
+
+    Warns of what is left out (MeshWarning), in one line that names the file.
     """
     path = Path(path)
     if path.is_dir():
@@ -40,7 +43,8 @@ def read_mesh(path: str | Path) -> Triangles:
         raise FileNotFoundError(f"{path}: no such file")
     if not path.stat().st_size:
         raise ValueError(f"{path}: the file is empty")
-    found = _read(path)
+    with naming(path):
+        found = _read(path)
     if not len(found.faces):
         if len(found.vertices):
             raise ValueError(
@@ -64,6 +68,8 @@ def _read(path: Path) -> Triangles:
         raise type(error)(f"{path}: cannot be read ({one_line(error)})") from None
     except LeftToTrimesh:
         return read_with_trimesh(path)
+    except NotSupported as error:
+        raise ValueError(f"{path}: {error}") from None
     except ValueError as error:
         form = path.suffix.lower()[1:]
         raise ValueError(f"{path}: damaged, or not in {form} format ({error})") from None

@@ -1,0 +1,33 @@
+"""What a person is told about a mesh file: warnings, and errors that are whole sentences."""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+
+class MeshWarning(UserWarning):
+    """What of a mesh file is not drawn, or not drawn as the file asks; one line."""
+
+
+class NotSupported(ValueError):
+    """A file is sound, but holds what is not read here; says what would do."""
+
+
+def warn(text: str) -> None:
+    """Warn of what is left out of a mesh; `naming` puts the file's name before it."""
+    warnings.warn(text, MeshWarning, stacklevel=3)
+
+
+@contextlib.contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Name a file in the MeshWarnings of what is done within; the same one is given once."""
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always", MeshWarning)
+        yield
+    for text, category in dict.fromkeys((str(one.message), one.category) for one in found):
+        if issubclass(category, MeshWarning) and not text.startswith(str(path)):
+            text = f"{path}: {text}"
+        warnings.warn(text, category, stacklevel=4)
