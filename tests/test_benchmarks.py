@@ -18,9 +18,11 @@ from strokestyle.mesh.surface import make_surface
 ROOT = Path(__file__).parent.parent
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "docs")]
 
+import coarse
 import contact_sheet
 import lines
 import mesh_files
+import meshes
 import sight
 
 T = np.linspace(0.0, 100.0, 60)[:, None]
@@ -139,3 +141,67 @@ def test_mesh_files_are_read_at_least_as_well_as_by_trimesh(tmp_path, form):
     assert wrong["ours"] <= wrong["theirs"]
     if form == "obj":  # the reason why there is a reader of our own
         assert not wrong["ours"] and {"two objects", "seams of a texture"} <= wrong["theirs"]
+
+
+def signed_volume(vertices, faces):
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+
+
+def test_the_coarse_solids_are_closed_and_turned_outward():
+    assert len(coarse.SOLIDS) == 20
+    for name, make in coarse.SOLIDS.items():
+        vertices, faces = make()
+        place = np.unique(vertices.round(9), axis=0, return_inverse=True)[1].ravel()
+        faces = place[faces] if name == "tube of 24" else faces  # its profile ends where it starts
+        sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+        forth, back = ({tuple(side) for side in pairs} for pairs in (sides, sides[:, ::-1]))
+        assert len(forth) == len(sides) and forth == back, name
+        assert signed_volume(vertices, make()[1]) > 0, name
+
+
+def test_a_solid_cut_finely_is_the_same_solid():
+    vertices, faces = coarse.SOLIDS["frame"]()
+    fine = coarse.subdivided(vertices, faces)
+    assert signed_volume(*fine) == pytest.approx((3 * 2 - 1 * 1) * 0.4)
+    corner = fine[0][fine[1]]
+    longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max()
+    assert 0.5 < longest / (coarse.FINE * 3.0) <= 1.0
+
+
+def test_length_of_which_the_other_has_nothing():
+    t = np.linspace(0, 100, 101)[:, None]
+    line = np.hstack([t, 0 * t])
+    whole, half = Curves.from_list([line]), Curves.from_list([line[:51] + [0, 1.5]])
+    assert coarse.apart(half, whole) == 0 and coarse.apart(whole, half) == pytest.approx(49, abs=2)
+    assert coarse.apart(whole, Curves.empty()) == pytest.approx(100, abs=2)
+
+
+CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+
+
+@pytest.mark.parametrize(
+    "name, text, verdict",
+    [
+        ("tetrahedron.obj", CORNERS + "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n", "drawn"),
+        ("nothing.obj", CORNERS, "refused"),
+    ],
+)
+def test_what_became_of_a_mesh(tmp_path, name, text, verdict):
+    (tmp_path / name).write_text(text)
+    (tmp_path / "readme.md").write_text("no mesh")
+    assert [path.name for path in meshes.meshes(tmp_path)] == [name]
+    outcome = meshes.draw(tmp_path / name, "--size 100", 60, 2.0)
+    assert outcome.verdict == verdict and outcome.memory > 1e7
+    assert bool(outcome.curves) == (verdict == "drawn")
+    assert meshes.sheets([outcome], tmp_path / "sheets")[0].stat().st_size > 100
+
+
+def test_a_process_that_leaves_its_limits_failed(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert meshes.draw(path, "", 0.05, 2.0).why == "ended after 0.05 s"
+    code, text, _, _ = meshes.run(
+        [sys.executable, "-c", "x = bytearray(10**9)"], seconds=60, memory=0.5
+    )
+    assert code == 1 and "MemoryError" in text
