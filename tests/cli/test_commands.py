@@ -56,7 +56,7 @@ def test_help_imports_nothing_heavy():
 
 
 def test_what_help_says_is_what_the_library_does():
-    from strokestyle.extract.camera import DEFAULT_FOV, DEFAULT_SIZE, NAMED_VIEWS
+    from strokestyle.extract.camera import DEFAULT_FOV, DEFAULT_SIZE, NAMED_VIEWS, PROJECTIONS
     from strokestyle.extract.line_options import LineOptions
     from strokestyle.fit.train import PRESETS
     from strokestyle.geometry.curves import DEFAULT_SPACING
@@ -81,6 +81,7 @@ def test_what_help_says_is_what_the_library_does():
     assert told["layers"] == SvgOptions().layers
 
     assert options.VIEWS.split(", ") == list(NAMED_VIEWS)
+    assert options.PROJECTIONS == PROJECTIONS
     assert set(options.PRESET_NAMES) == set(PRESETS)
     assert LineOptions().kinds == tuple(kind for kind in SURFACE_KINDS if kind != "apparent")
     assert options.TEXTURES == TEXTURES

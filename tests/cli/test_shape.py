@@ -65,6 +65,10 @@ def test_a_turntable_is_the_librarys(box):
     "path, options, words",
     [
         ("box", {"camera": "c.json", "fov": 30.0, "size": (64, 64)}, "leave out --fov, --size"),
+        ("box", {"projection": "parallel", "fov": 30.0}, "parallel has no field of view: .* --fov"),
+        ("box", {"view": "isometric", "fov": 30.0}, "--view isometric has no field of view"),
+        ("box", {"camera": "c.json", "projection": "parallel"}, "leave out --projection"),
+        ("v.npz", {"projection": "parallel"}, "saved view, .* leave out --projection"),
         ("box", {"hidden": True, "curves": "c.svg"}, "--hidden needs a mesh and its own curves"),
         ("v.npz", {"hidden": True}, "--hidden needs a mesh and its own curves"),
         ("v.npz", {"kinds": ("crease",), "up": "z"}, "v.npz is a saved view, .*out --lines, --up"),
@@ -86,3 +90,29 @@ def test_what_the_library_warns_of_is_one_line_on_stderr(capfd):
         warn("a line")
         raise ValueError
     assert capfd.readouterr() == ("", "")
+
+
+def test_the_projection_is_the_views_own_unless_told(box):
+    for options, projection in (
+        ({}, "perspective"),
+        ({"view": "isometric"}, "parallel"),
+        ({"view": "isometric", "projection": "perspective", "fov": 20.0}, "perspective"),
+        ({"view": "top", "projection": "parallel"}, "parallel"),
+        ({"view": "top", "projection": "parallel", "turntable": 3}, "parallel"),
+    ):
+        shape = Shape(box, options)
+        fit = fit_turntable_camera if "turntable" in options else fit_camera
+        asked = fit(
+            shape.surface.vertices,
+            options.get("view", "three-quarter"),
+            options.get("fov", 30.0),
+            projection=projection,
+        )
+        assert shape.camera().to_dict() == asked.to_dict()
+        assert shape.camera().projection == projection
+
+
+def test_a_turntable_seen_from_above_goes_round_the_upright_axis(box):
+    options = {"view": "top", "turntable": 4, "size": (64, 64), "up": "z"}
+    eyes_up = [view.camera.axes[2] for view in Shape(box, options).views()]
+    assert np.allclose(eyes_up, [0, 0, -1])

@@ -14,7 +14,8 @@ from .messages import VERBOSITY
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Text for --help, so that it needs no import of numpy; tests compare it with the library.
-VIEWS = "front, three-quarter, side, back, top"
+VIEWS = "front, three-quarter, side, back, left, right, top, bottom, isometric, dimetric"
+PROJECTIONS = ("perspective", "parallel")
 PRESET_NAMES = ("quick", "standard", "paper")
 TEXTURES = ("auto", "vector", "image", "none")
 SIZES = (64, 8192)  # px, the least and the most of a canvas's side
@@ -183,12 +184,19 @@ view_options = OptionGroup(
     click.option(
         "--camera",
         type=click.Path(),
-        help="A camera.json (eye, target, up, fov_y_deg, size), in place of the view options.",
+        help="A camera.json (projection, eye, target, up, fov_y_deg or extent, size), in place of "
+        "the view options.",
+    ),
+    click.option(
+        "--projection",
+        type=click.Choice(PROJECTIONS),
+        help="parallel: the eye is infinitely far off, and parallel lines stay parallel."
+        "  [default: parallel for isometric and dimetric, else perspective]",
     ),
     click.option(
         "--fov",
         type=click.FloatRange(1, 150),
-        help="Vertical field of view, degrees.  [default: 30]",
+        help="Vertical field of view of a perspective, degrees.  [default: 30]",
     ),
     click.option(
         "--up",

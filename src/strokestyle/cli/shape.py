@@ -43,6 +43,7 @@ class Shape:
         self.is_view = Path(path).suffix.lower() in VIEW_SUFFIXES
         self.has_own_curves = not (self.is_view or options.get("curves"))
         _refuse_two_cameras(options)
+        _refuse_angle_of_parallel(options)
         if options.get("hidden") and not self.has_own_curves:
             raise click.UsageError(
                 "--hidden needs a mesh and its own curves, not a saved view or --curves"
@@ -91,6 +92,7 @@ class Shape:
             width,
             height,
             options.get("up") or "y",
+            options.get("projection"),
         )
 
     def view(self) -> View:
@@ -118,13 +120,17 @@ class Shape:
 
     def views(self) -> Iterator[View]:
         """The view; or with --turntable N views, once round the upright axis."""
+        from ..extract.camera import up_axis
         from ..extract.turntable import turntable
 
         count = self.options.get("turntable")
         if not count:
             yield self.view()
             return
-        views = turntable(self.surface, self.camera(), count, self.line_options(), self.spacing())
+        axis = None if self.options.get("camera") else up_axis(self.options.get("up") or "y")
+        views = turntable(
+            self.surface, self.camera(), count, self.line_options(), self.spacing(), axis=axis
+        )
         for _ in range(count):
             with timed("curves and feature maps"):
                 view = next(views)
@@ -150,4 +156,17 @@ def _refuse_two_cameras(options: Mapping[str, Any]) -> None:
     if options.get("camera") and flags:
         raise click.UsageError(
             f"--camera already says where the eye stands: leave out {', '.join(flags)}"
+        )
+
+
+def _refuse_angle_of_parallel(options: Mapping[str, Any]) -> None:
+    if options.get("fov") is None or options.get("camera"):
+        return
+    from ..extract.camera import projection_of
+
+    view, asked = options.get("view") or "three-quarter", options.get("projection")
+    if (asked or projection_of(view)) == "parallel":
+        which = "--projection parallel" if asked else f"--view {view}"
+        raise click.UsageError(
+            f"{which} has no field of view: leave out --fov, or give --projection perspective"
         )

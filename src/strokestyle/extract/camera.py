@@ -1,9 +1,9 @@
-"""The pinhole camera: world <-> pixels, named views, camera.json."""
+"""The camera, in perspective or parallel projection: world <-> pixels, named views, camera.json."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,21 @@ NAMED_VIEWS = {
     "three-quarter": (-30.0, 15.0),
     "side": (90.0, 0.0),
     "back": (180.0, 0.0),
-    "top": (0.0, 89.0),
+    "left": (-90.0, 0.0),
+    "right": (90.0, 0.0),
+    "top": (0.0, 90.0),
+    "bottom": (0.0, -90.0),
+    # ISO 5456-3:1996, axonometric representations. Isometric: all three axes are foreshortened
+    # alike. Dimetric: the one towards the eye half as much as the two others, 1 : 1 : 1/2, which
+    # the standard rounds to axes at 7 and 42 degrees; exactly they lie at 7.18 and 41.41.
+    "isometric": (45.0, float(np.degrees(np.arcsin(1.0 / np.sqrt(3.0))))),
+    "dimetric": (
+        float(np.degrees(np.arcsin(1.0 / np.sqrt(8.0)))),
+        float(np.degrees(np.arcsin(1.0 / 3.0))),
+    ),
 }
+PARALLEL_VIEWS = ("isometric", "dimetric")  # drawn in parallel projection unless told otherwise
+PROJECTIONS = ("perspective", "parallel")
 
 DEFAULT_FOV = 30.0
 DEFAULT_SIZE = 768
@@ -24,27 +37,31 @@ MARGIN = 0.08  # of the canvas, left free on each side of a fitted shape
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera with square pixels.
+    """A camera with square pixels: a pinhole, or, with its eye at infinity, parallel projection.
 
     Parameters
     ----------
-    eye, target, up : (3,) float, world units
-    fov_y : float, degrees, the angle that the image height subtends
+    eye, target, up : (3,) float, world units; in parallel projection the eye tells a direction, and
+        the plane from which depth is measured
+    fov_y : float, degrees, the angle that the image height subtends; None in parallel projection
     width, height : int, pixels
+    extent : float, world units that the image height spans in parallel projection; None in
+        perspective
 
     Raises
     ------
     ValueError
         where the camera could not see anything: eye at the target, up along the view, a bad
-        angle or size.
+        angle, extent or size.
     """
 
     eye: np.ndarray
     target: np.ndarray
     up: np.ndarray
-    fov_y: float
+    fov_y: float | None
     width: int
     height: int
+    extent: float | None = None
 
     def __post_init__(self):
         for name in ("eye", "target", "up"):
@@ -58,8 +75,7 @@ class Camera:
                 )
             value.setflags(write=False)
             object.__setattr__(self, name, value)
-        if not 1.0 <= float(self.fov_y) <= 150.0:
-            raise ValueError(f"camera fov_y must lie between 1 and 150 degrees, got {self.fov_y}")
+        self._check_projection()
         for name in ("width", "height"):
             value = getattr(self, name)
             if int(value) != value or not 16 <= value <= 16384:
@@ -67,12 +83,41 @@ class Camera:
                     f"camera {name} must be a whole number of pixels from 16 to 16384, got {value}"
                 )
             object.__setattr__(self, name, int(value))
-        object.__setattr__(self, "fov_y", float(self.fov_y))
         forward = self.target - self.eye
         if np.linalg.norm(forward) < 1e-9:
             raise ValueError("camera eye and target are the same point")
         if np.linalg.norm(np.cross(forward, self.up)) < 1e-9 * np.linalg.norm(forward):
             raise ValueError("camera up points along the view direction: give another up vector")
+
+    def _check_projection(self) -> None:
+        """Raise ValueError unless there is either a good angle or a good extent."""
+        if (self.fov_y is None) == (self.extent is None):
+            raise ValueError("a camera has either fov_y (perspective) or extent (parallel)")
+        if self.extent is None:
+            fov_y = float(self.fov_y)  # type: ignore[arg-type]
+            if not 1.0 <= fov_y <= 150.0:
+                raise ValueError(f"camera fov_y must lie between 1 and 150 degrees, got {fov_y}")
+            object.__setattr__(self, "fov_y", fov_y)
+            return
+        extent = float(self.extent)
+        if not (np.isfinite(extent) and extent > 0.0):
+            raise ValueError(f"camera extent must be a length above 0, world units, got {extent}")
+        object.__setattr__(self, "extent", extent)
+
+    @property
+    def projection(self) -> str:
+        """Name the projection, one of PROJECTIONS."""
+        return PROJECTIONS[self.extent is not None]
+
+    @property
+    def viewpoint(self) -> np.ndarray:
+        """The eye in homogeneous coordinates, (4,).
+
+        A point and 1; or 0 and, before it, the unit vector to the eye that is at infinity.
+        """
+        if self.extent is None:
+            return np.r_[self.eye, 1.0]
+        return np.r_[-self.axes[2], 0.0]
 
     @property
     def axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -86,63 +131,112 @@ class Camera:
 
     @property
     def focal(self) -> float:
-        """Focal length in pixels."""
-        return 0.5 * self.height / np.tan(0.5 * np.radians(self.fov_y))
+        """Pixels per world unit: at depth 1, the focal length; everywhere in parallel."""
+        if self.extent is not None:
+            return self.height / self.extent
+        assert self.fov_y is not None  # one of both is there
+        return float(0.5 * self.height / np.tan(0.5 * np.radians(self.fov_y)))
+
+    def homogeneous(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Find x, y, w (N,) of world points (N, 3), linear functions of their place.
+
+        Pixels from the middle of the image are x / w and y / w. In perspective w is the depth, in
+        parallel projection 1.
+        """
+        right, down, forward = self.axes
+        rel = np.asarray(points, np.float64) - self.eye
+        w = rel @ forward if self.extent is None else np.ones(len(rel))
+        return rel @ right * self.focal, rel @ down * self.focal, w
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project world points (N, 3) to pixels (N, 2) and depth along the view axis (N,).
 
-        Points at or behind the eye have depth <= 0; their pixels are meaningless but finite.
+        In perspective, points at or behind the eye have depth <= 0; their pixels are meaningless
+        but finite.
         """
-        right, down, forward = self.axes
-        rel = np.asarray(points, np.float64) - self.eye
-        depth = rel @ forward
-        scale = self.focal / np.where(np.abs(depth) < 1e-12, 1e-12, depth)
-        xy = np.stack(
-            [rel @ right * scale + 0.5 * self.width, rel @ down * scale + 0.5 * self.height], axis=1
-        )
-        return xy, depth
+        x, y, w = self.homogeneous(points)
+        depth = w if self.extent is None else (np.asarray(points) - self.eye) @ self.axes[2]
+        w = np.where(np.abs(w) < 1e-12, 1e-12, w)
+        return np.stack([x / w + 0.5 * self.width, y / w + 0.5 * self.height], axis=1), depth
+
+    def shows(self, depth: np.ndarray) -> np.ndarray:
+        """Tell which depths (N,) lie before the eye: all where it is at infinity, (N,) bool."""
+        return np.ones(np.shape(depth), bool) if self.extent is not None else depth > 0.0
 
     def rays(self, xy: np.ndarray) -> np.ndarray:
-        """Cast pixels (N, 2) as unit directions (N, 3) from the eye."""
+        """Cast pixels (..., 2) as unit directions (..., 3), away from the eye."""
         right, down, forward = self.axes
-        xy = np.asarray(xy, np.float64)
+        x, y = np.moveaxis(np.asarray(xy, np.float64), -1, 0)
+        if self.extent is not None:
+            return np.broadcast_to(forward, (*x.shape, 3)).copy()
         direction = (
-            (xy[:, :1] - 0.5 * self.width) * right
-            + (xy[:, 1:] - 0.5 * self.height) * down
+            (x - 0.5 * self.width)[..., None] * right
+            + (y - 0.5 * self.height)[..., None] * down
             + self.focal * forward
         )
-        return direction / np.linalg.norm(direction, axis=1, keepdims=True)
+        return direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+
+    def origins(self, xy: np.ndarray) -> np.ndarray:
+        """Tell where the rays of pixels (..., 2) begin, (..., 3).
+
+        That is the eye; in parallel projection, a point of the plane through it.
+        """
+        x, y = np.moveaxis(np.asarray(xy, np.float64), -1, 0)
+        if self.extent is None:
+            return np.broadcast_to(self.eye, (*x.shape, 3))
+        right, down, _ = self.axes
+        x, y = (x - 0.5 * self.width) / self.focal, (y - 0.5 * self.height) / self.focal
+        return self.eye + x[..., None] * right + y[..., None] * down
+
+    def clear_of(self, points: np.ndarray) -> Camera:
+        """Move the eye of parallel projection back along its axis, before all points (N, 3).
+
+        Nothing changes in the picture. The camera itself where they lie before the eye's plane
+        already, and in perspective.
+        """
+        if self.extent is None:
+            return self
+        depth = self.project(points)[1]
+        room = 0.05 * max(float(np.ptp(depth)), self.extent)
+        if depth.min() >= room:
+            return self
+        return replace(self, eye=self.eye + (depth.min() - room) * self.axes[2])
 
     def pixel_centres(self) -> np.ndarray:
         """List the centres of all pixels, row by row, (H*W, 2)."""
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         return np.stack([x.ravel(), y.ravel()], axis=1)
 
-    def turned(self, degrees: float) -> Camera:
-        """Turn the eye about the upright axis through the target, anticlockwise seen from above."""
+    def turned(self, degrees: float, axis: np.ndarray | None = None) -> Camera:
+        """Turn the camera about an axis (3,) through the target, anticlockwise seen from its tip.
+
+        By default that is the camera's own up.
+        """
         if not degrees:
             return self
-        a, k = np.radians(degrees), self.up / np.linalg.norm(self.up)
-        r = self.eye - self.target
-        r = (
-            r * np.cos(a) + np.cross(k, r) * np.sin(a) + k * (k @ r) * (1.0 - np.cos(a))
-        )  # Rodrigues
-        return Camera(self.target + r, self.target, self.up, self.fov_y, self.width, self.height)
+        axis = self.up if axis is None else np.asarray(axis, np.float64)
+        a, k = np.radians(degrees), axis / np.linalg.norm(axis)
+
+        def turn(r: np.ndarray) -> np.ndarray:  # Rodrigues
+            return r * np.cos(a) + np.cross(k, r) * np.sin(a) + k * (k @ r) * (1.0 - np.cos(a))
+
+        return replace(self, eye=self.target + turn(self.eye - self.target), up=turn(self.up))
 
     def to_dict(self) -> dict:
         """Describe the camera in numbers and lists, as camera.json holds it."""
+        parallel = self.extent is not None
         return {
+            "projection": self.projection,
             "eye": self.eye.tolist(),
             "target": self.target.tolist(),
             "up": self.up.tolist(),
-            "fov_y_deg": self.fov_y,
+            **({"extent": self.extent} if parallel else {"fov_y_deg": self.fov_y}),
             "size": [self.width, self.height],
         }
 
     @classmethod
     def from_dict(cls, data: dict, where: str = "camera") -> Camera:
-        """Make the camera that `to_dict` describes.
+        """Make the camera that `to_dict` describes; where it names no projection, a perspective.
 
         Raises
         ------
@@ -153,11 +247,17 @@ class Camera:
             raise ValueError(
                 f"{where}: expected a JSON object with eye, target, up, fov_y_deg and size"
             )
-        missing = [key for key in ("eye", "target", "fov_y_deg", "size") if key not in data]
+        projection = data.get("projection", "perspective")
+        if projection not in PROJECTIONS:
+            raise ValueError(
+                f"{where}: projection is {projection!r}; it must be {' or '.join(PROJECTIONS)}"
+            )
+        angle = "extent" if projection == "parallel" else "fov_y_deg"
+        missing = [key for key in ("eye", "target", angle, "size") if key not in data]
         if missing:
             raise ValueError(
-                f"{where}: no {', '.join(missing)} in it; a camera needs eye, target, fov_y_deg "
-                "and size"
+                f"{where}: no {', '.join(missing)} in it; a camera in {projection} projection "
+                f"needs eye, target, {angle} and size"
             )
         try:
             width, height = data["size"]
@@ -165,9 +265,10 @@ class Camera:
                 data["eye"],
                 data["target"],
                 data.get("up", [0, 1, 0]),
-                data["fov_y_deg"],
+                None if projection == "parallel" else float(data["fov_y_deg"]),
                 width,
                 height,
+                float(data["extent"]) if projection == "parallel" else None,
             )
         except (TypeError, ValueError) as error:
             raise ValueError(f"{where}: {error}") from None
@@ -198,7 +299,12 @@ def parse_view(text: str) -> tuple[float, float]:
         ) from None
     if not (np.isfinite(azimuth) and -90.0 <= elevation <= 90.0):
         raise ValueError(f"view {text!r}: the elevation must lie between -90 and 90 degrees")
-    return azimuth, float(np.clip(elevation, -89.9, 89.9))
+    return azimuth, elevation
+
+
+def projection_of(view: str) -> str:
+    """Tell the projection that a view is drawn in unless told otherwise, one of PROJECTIONS."""
+    return PROJECTIONS[view in PARALLEL_VIEWS]
 
 
 def fit_camera(
@@ -208,6 +314,7 @@ def fit_camera(
     width: int = DEFAULT_SIZE,
     height: int = DEFAULT_SIZE,
     up: str = "y",
+    projection: str | None = None,
 ) -> Camera:
     """Place the camera of a named view so that all `vertices` (V, 3) fill the canvas.
 
@@ -218,45 +325,70 @@ def fit_camera(
     ----------
     vertices : (V, 3), world units
     view : one of NAMED_VIEWS, or "AZIMUTH,ELEVATION" in degrees
-    fov_y : degrees that the image height subtends
+    fov_y : degrees that the image height subtends, in perspective. In parallel projection the eye
+        is put where it would stand in perspective, so that depths are alike.
     width, height : pixels
     up : "y" or "z", the world axis that points up in the picture; with "z" a shape's front faces -y
+    projection : one of PROJECTIONS; by default parallel for PARALLEL_VIEWS, else perspective
 
     Raises
     ------
     ValueError
-        on an unknown view or up axis, or a field of view outside 1 to 150 degrees.
+        on an unknown view, up axis or projection, or a field of view outside 1 to 150 degrees.
     """
-    out, up_axis = _eye_direction(view, up)
+    out, picture_up = _eye_direction(view, up)
+    projection = projection or projection_of(view)
+    if projection not in PROJECTIONS:
+        raise ValueError(f"projection must be {' or '.join(PROJECTIONS)}, got {projection!r}")
     if not 1.0 <= fov_y <= 150.0:
         raise ValueError(f"the field of view must lie between 1 and 150 degrees, got {fov_y:g}")
     vertices = np.asarray(vertices, np.float64)
     centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     radius = max(float(np.linalg.norm(vertices - centre, axis=1).max()), 1e-6)
-    right, down, forward = Camera(centre + out, centre, up_axis, fov_y, width, height).axes
+    right, down, forward = Camera(centre + out, centre, picture_up, fov_y, width, height).axes
     rel = vertices - centre
     across, depth = np.stack([rel @ right, rel @ down]), rel @ forward
     slope = (1.0 - 2.0 * MARGIN) * np.tan(0.5 * np.radians(fov_y)) * np.array([width / height, 1.0])
     distance, shift = _fit_pyramid(across, depth, slope, 0.05 * radius)
-    target = centre + shift[0] * right + shift[1] * down
-    return Camera(target + distance * out, target, up_axis, fov_y, width, height)
+    if projection == "perspective":
+        target = centre + shift[0] * right + shift[1] * down
+        return Camera(target + distance * out, target, picture_up, fov_y, width, height)
+    low, high = across.min(axis=1), across.max(axis=1)
+    span = (high - low) / np.array([width / height, 1.0])
+    extent = max(float(span.max()), 1e-6) / (1.0 - 2.0 * MARGIN)
+    target = centre + 0.5 * (low + high) @ np.stack([right, down])
+    return Camera(target + distance * out, target, picture_up, None, width, height, extent)
+
+
+def up_axis(up: str) -> np.ndarray:
+    """Find the axis of the world (3,) that an option "y" or "z" means. Raises ValueError."""
+    if up not in ("y", "z"):
+        raise ValueError(f"up must be y or z, got {up!r}")
+    return np.array([0.0, 1.0, 0.0]) if up == "y" else np.array([0.0, 0.0, 1.0])
 
 
 def _eye_direction(view: str, up: str) -> tuple[np.ndarray, np.ndarray]:
-    """Find the unit vector (3,) from the shape to a view's eye, and the axis (3,) that is up."""
-    azimuth, elevation = np.radians(parse_view(view))
-    out = np.array(
-        [
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-            np.cos(elevation) * np.cos(azimuth),
-        ]
-    )
-    if up == "y":
-        return out, np.array([0.0, 1.0, 0.0])
-    if up == "z":
-        return np.array([out[0], -out[2], out[1]]), np.array([0.0, 0.0, 1.0])
-    raise ValueError(f"up must be y or z, got {up!r}")
+    """Find the unit vector (3,) from the shape to a view's eye, and the picture's up (3,).
+
+    Up is the upright axis. Seen along that, it is where the axis pointed to just before: from above
+    the front is at the bottom of the picture, from below at its top.
+    """
+    degrees = parse_view(view)
+    (sine, cosine), (high, flat) = (_sine_and_cosine(angle) for angle in degrees)
+    out, upright = np.array([flat * sine, high, flat * cosine]), up_axis("y")
+    if flat < 1e-6:
+        upright = -np.sign(high) * np.array([sine, 0.0, cosine])
+    if up_axis(up)[1]:
+        return out, upright
+    return np.array([out[0], -out[2], out[1]]), np.array([upright[0], -upright[2], upright[1]])
+
+
+def _sine_and_cosine(degrees: float) -> tuple[float, float]:
+    """Work out sine and cosine of an angle, exactly 0 and +-1 at multiples of 90 degrees."""
+    if degrees % 90.0 == 0.0:
+        quarter = int(degrees // 90.0) % 4
+        return (0.0, 1.0, 0.0, -1.0)[quarter], (1.0, 0.0, -1.0, 0.0)[quarter]
+    return float(np.sin(np.radians(degrees))), float(np.cos(np.radians(degrees)))
 
 
 def _fit_pyramid(

@@ -90,13 +90,15 @@ class FeatureMaps:
 def feature_maps(surface: Surface, camera: Camera, curves: Curves, bvh: Bvh) -> FeatureMaps:
     """Measure the geometry seen at every pixel centre, by one ray each.
 
-    The eight channels of Liu et al. 2021 (sec. 3.2): depth along the view axis, radial curvature
+    The eight channels of Liu et al. 2021 (sec. 3.2): depth along the view axis from the plane of
+    the eye (of one in parallel projection that stands before all), radial curvature
     (DeCarlo 2003) in its positive and negative part, its derivative, the larger and the smaller
     principal curvature, the view-dependent curvature (Judd 2007), n.v. They are interpolated
     between vertices. Each is divided by the 90th percentile of its size over the surface seen, and
     cut at +-CLIP; background 1. Then the normal on the screen (background 0) and the plain raster
     of the curves.
     """
+    camera = camera.clear_of(surface.vertices)
     covered, face, bary = _first_faces(surface, camera, bvh)
     fields = _vertex_fields(surface, camera)
     corners = surface.faces[face]
@@ -118,7 +120,7 @@ def feature_maps(surface: Surface, camera: Camera, curves: Curves, bvh: Bvh) -> 
 
 def _vertex_fields(surface: Surface, camera: Camera) -> np.ndarray:
     """Measure at every vertex what `_channels` makes the maps of, (V, 9) float32."""
-    view = ViewFields.of(surface, camera.eye)
+    view = ViewFields.of(surface, camera.viewpoint)
     radial = view.radial_curvature(surface) / np.maximum(view.u**2 + view.v**2, 1e-6)
     right, down, _ = camera.axes
     fields = (
@@ -167,21 +169,36 @@ def _first_faces(
     """
     covered = np.zeros((camera.height, camera.width), bool)
     columns, rows = _window(surface, camera)
-    right, down, forward = camera.axes
-    x = (np.arange(*columns) + 0.5 - 0.5 * camera.width)[None, :, None] * right
-    y = (np.arange(*rows) + 0.5 - 0.5 * camera.height)[:, None, None] * down
-    rays = (x + (y + camera.focal * forward)).astype(np.float32)
-    hits = bvh.first_hit(camera.eye, rays.reshape(-1, 3))
+    origins, rays = _pixel_rays(camera, columns, rows)
+    hits = bvh.first_hit(origins.reshape(-1, 3), rays.reshape(-1, 3))
     hit = hits.face >= 0
     covered[slice(*rows), slice(*columns)] = hit.reshape(rays.shape[:2])
     return covered, hits.face[hit], hits.bary[hit].astype(np.float32)
+
+
+def _pixel_rays(
+    camera: Camera, columns: tuple[int, int], rows: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cast rays through the centres of pixels: origins, and directions (rows, columns, 3) float32.
+
+    Directions have no set length. Origins are one for each, or in perspective (1, 1, 3) the eye.
+    """
+    right, down, forward = camera.axes
+    x = (np.arange(*columns) + 0.5 - 0.5 * camera.width)[None, :, None] * right
+    y = (np.arange(*rows) + 0.5 - 0.5 * camera.height)[:, None, None] * down
+    if camera.extent is None:
+        return camera.eye[None, None], (x + (y + camera.focal * forward)).astype(np.float32)
+    origins = x / camera.focal + (y / camera.focal + camera.eye)
+    return origins, np.broadcast_to(forward.astype(np.float32), origins.shape)
 
 
 def _window(surface: Surface, camera: Camera) -> tuple[tuple[int, int], tuple[int, int]]:
     """Bound the pixels whose rays can hit: first column and behind the last, rows alike."""
     size = np.array([camera.width, camera.height])
     xy, depth = camera.project(surface.vertices)
-    if depth.min() <= 1e-6:  # some of it beside or behind the eye: its pixels mean nothing
+    if (
+        camera.extent is None and depth.min() <= 1e-6
+    ):  # some of it beside or behind the eye: its pixels mean nothing
         return (0, camera.width), (0, camera.height)
     left, top = (int(v) for v in np.clip(np.floor(xy.min(axis=0)) - 1, 0, size))
     right, bottom = (int(v) for v in np.clip(np.ceil(xy.max(axis=0)) + 1, 0, size))

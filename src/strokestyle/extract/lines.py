@@ -72,7 +72,7 @@ class SurfaceLines:
         The second are chained where `unseen` is set; the shape hides them however one looks.
         """
         surface, options = self.surface, self.options
-        view = ViewFields.of(surface, camera.eye)
+        view = ViewFields.of(surface, camera.viewpoint)
         hard = []
         if self._wants("contour"):
             hard.append(contour_segments(surface, view, options))
@@ -81,7 +81,7 @@ class SurfaceLines:
         parts = [chain_segments(surface, found.shown, camera.up) for found in hard]
         for kind, find in _SOFT_VIEW_KINDS.items():
             if self._wants(kind):
-                shown = ViewFields.of(self.smoothed, camera.eye)
+                shown = ViewFields.of(self.smoothed, camera.viewpoint)
                 parts.append(self._chained(kind, partial(find, self.smoothed, shown), camera.up))
         parts.append(self._facing(view))
         curves = self._without_duplicates(SurfaceCurves.concatenate(parts))

@@ -250,21 +250,16 @@ def _faces_in_front(
     """
     if not _has_parts(surface):
         return None
+    camera = camera.clear_of(surface.vertices)
     found = np.full(len(xy), -1)
     angle = np.arange(8) * (np.pi / 4)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     spots = np.concatenate([[[0.0, 0.0]], ring])  # the middle and 8 round it
     for radius in RIM:
         lost = np.flatnonzero(found < 0)
-        rays = _rays_through(camera, xy[lost, None] + radius * spots)  # (n, 9, 3)
-        hits = bvh.first_hit(camera.eye, rays.astype(np.float32).reshape(-1, 3))
+        places = xy[lost, None] + radius * spots  # (n, 9, 2)
+        rays, origins = camera.rays(places), camera.origins(places)
+        hits = bvh.first_hit(origins.reshape(-1, 3), rays.astype(np.float32).reshape(-1, 3))
         nearest = hits.distance.reshape(-1, 9).argmin(axis=1)[:, None]
         found[lost] = np.take_along_axis(hits.face.reshape(len(lost), 9), nearest, 1)[:, 0]
     return found
-
-
-def _rays_through(camera: Camera, xy: np.ndarray) -> np.ndarray:
-    """Point rays from the eye through pixels (..., 2), (..., 3); of no set length."""
-    right, down, forward = camera.axes
-    x, y = np.moveaxis(xy - [0.5 * camera.width, 0.5 * camera.height], -1, 0)
-    return x[..., None] * right + y[..., None] * down + camera.focal * forward

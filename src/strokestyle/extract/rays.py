@@ -13,6 +13,7 @@ from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 
 from ..mesh.surface import Surface
+from .eye import at_infinity
 
 MAX_ROUNDS = 12  # re-traces past ignored hits; what is still open then counts as hidden
 
@@ -127,7 +128,7 @@ class Bvh:
 
         Parameters
         ----------
-        eye : (3,)
+        eye : (3,), or (4,) in homogeneous coordinates: at infinity where the last is 0
         face : (N,) int, the face that each point lies on
         position : (N, 3)
         sharp : (N,) bool, the point lies on an edge of the mesh that is a line by itself
@@ -185,11 +186,9 @@ class Bvh:
 
         Hits that `ignore` tells to ignore are passed, and the ray goes on behind them.
         """
-        ray = target - eye
-        length = np.linalg.norm(ray, axis=1)
-        ray /= np.maximum(length, 1e-300)[:, None]
-        start = self._local(eye)
-        reach = length * self._scale
+        if not len(target):
+            return np.zeros(0, bool)
+        start, ray, reach = self._sight_lines(eye, target)
         slack = 3e-6 * (reach + np.abs(start).max() + 1.0)  # float32 at this distance
         passed = np.zeros(len(ray))  # how far along each ray everything has been looked at
         result = np.zeros(len(ray), bool)
@@ -197,7 +196,7 @@ class Bvh:
         for _ in range(MAX_ROUNDS):
             if not len(open_):
                 break
-            hit, distance = self._next_hit(start, ray[open_], passed[open_])
+            hit, distance = self._next_hit(start[open_], ray[open_], passed[open_])
             gap = reach[open_] - distance
             free = (hit < 0) | (gap <= slack[open_])
             result[open_[free]] = True
@@ -206,10 +205,32 @@ class Bvh:
             open_ = open_[ignore(open_, hit, gap)]
         return result
 
+    def _sight_lines(
+        self, eye: np.ndarray, target: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Draw lines from the eye to targets (N, 3): starts and unit rays (N, 3), lengths (N,).
+
+        In embree's units. From an eye at infinity they are parallel, and start outside all that is
+        in it: on a plane across them, at twice the radius of a ball round its box.
+        """
+        if not at_infinity(eye):
+            ray = target - eye[:3]
+            length = np.linalg.norm(ray, axis=1)
+            ray /= np.maximum(length, 1e-300)[:, None]
+            start = np.broadcast_to(self._local(eye[:3]), ray.shape)
+            return start, ray, length * self._scale
+        ray = np.broadcast_to(-eye[:3] / np.linalg.norm(eye[:3]), target.shape)
+        local = (target - self._centre) * self._scale  # its box has a longest side of 1
+        reach = np.sqrt(3.0) + local @ ray[0]
+        return (local - ray * reach[:, None]).astype(np.float32), ray, reach
+
     def _next_hit(
         self, start: np.ndarray, ray: np.ndarray, passed: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Find the next face that each ray (N, 3) hits after `passed`, and how far off."""
+        """Find the next face that each ray (N, 3) from its start hits after `passed`, and how far.
+
+        Distances are from the starts (N, 3).
+        """
         origin = start + (ray * passed[:, None]).astype(np.float32)
         found = self._run(np.ascontiguousarray(origin, dtype=np.float32), ray)
         return found["primID"].astype(np.int64), passed + found["tfar"]

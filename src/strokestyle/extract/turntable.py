@@ -22,13 +22,14 @@ def fit_turntable_camera(
     width: int = DEFAULT_SIZE,
     height: int = DEFAULT_SIZE,
     up: str = "y",
+    projection: str | None = None,
 ) -> Camera:
     """Place a named view's camera where all `vertices` (V, 3) are seen however they are turned.
 
     The distance is one for all pictures of the turn, so that the shape does not change its size.
     Arguments and errors are those of `fit_camera`.
     """
-    return fit_camera(swept(vertices, up), view, fov_y, width, height, up)
+    return fit_camera(swept(vertices, up), view, fov_y, width, height, up, projection)
 
 
 def turntable(
@@ -38,11 +39,12 @@ def turntable(
     options: LineOptions | None = None,
     spacing: float = DEFAULT_SPACING,
     lines: SurfaceLines | None = None,
+    axis: np.ndarray | None = None,
 ) -> Iterator[View]:
     """Extract `count` views while the camera goes once round the surface, one at a time.
 
-    View i is seen from `camera` carried 360 i / count degrees round the upright axis through its
-    target, anticlockwise seen from above; the first is seen from `camera` itself.
+    View i is seen from `camera` carried 360 i / count degrees round an axis through its target,
+    anticlockwise seen from above; the first is seen from `camera` itself.
 
     Parameters
     ----------
@@ -51,6 +53,8 @@ def turntable(
     options : which lines; those of `extract_view`
     spacing : px between the points of the curves
     lines : the lines of this surface and these options, where there are some already
+    axis : (3,), the upright axis; by default the camera's up, which is another where it looks
+        straight down
 
     Raises
     ------
@@ -61,6 +65,6 @@ def turntable(
         raise ValueError(f"a turntable has 1 picture or more, got {count}")
     lines = lines or SurfaceLines(surface, options or LineOptions())
     return (
-        extract_view(surface, camera.turned(360.0 * i / count), options, spacing, lines=lines)
+        extract_view(surface, camera.turned(360.0 * i / count, axis), options, spacing, lines=lines)
         for i in range(count)
     )

@@ -8,6 +8,9 @@ import numpy as np
 
 from ..mesh.surface import Surface
 from ..mesh.triangles import row_dot
+from .eye import at_infinity, towards
+
+EDGE_ON = 1e-12  # n.v, up to rounding, of a face that is seen along itself
 
 
 @dataclass(frozen=True)
@@ -26,11 +29,19 @@ class ViewFields:
 
     @classmethod
     def of(cls, surface: Surface, eye: np.ndarray) -> ViewFields:
-        """Look at a surface from an eye (3,), in the surface's own frame."""
-        to_eye = eye - surface.vertices
+        """Look at a surface from an eye, in the surface's own frame.
+
+        `eye` : (3,), or (4,) in homogeneous coordinates, as `Camera.viewpoint` has it. Where that
+        is at infinity, what is seen exactly edge-on counts as turned away: walls seen along
+        themselves are common there.
+        """
+        to_eye = towards(eye, surface.vertices)
         to_eye /= np.maximum(np.sqrt(row_dot(to_eye, to_eye)), 1e-30)[:, None]
+        n_dot_v = row_dot(to_eye, surface.normals)
+        if at_infinity(eye):
+            n_dot_v = np.where(np.abs(n_dot_v) < EDGE_ON, -EDGE_ON, n_dot_v)
         return cls(
-            row_dot(to_eye, surface.normals),
+            n_dot_v,
             row_dot(to_eye, surface.pdir1),
             row_dot(to_eye, surface.pdir2),
         )

@@ -107,7 +107,7 @@ def look_along(
     face, seen = lines.face[row], np.zeros(len(line), bool)
     if bvh is not None:
         ask, sharp = np.flatnonzero(inside), is_kind(lines.kind, SHARP_KINDS)[line]
-        seen[ask] = bvh.seen(camera.eye, face[ask], node[ask], sharp[ask])
+        seen[ask] = bvh.seen(camera.viewpoint, face[ask], node[ask], sharp[ask])
         seen = _without_flicker(seen, line, xy)
     return SampledLines(lines, xy, strength, face, line, inside, seen)
 
@@ -117,7 +117,7 @@ def _on_canvas(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarr
     xy, depth = camera.project(points)
     size = np.array([camera.width, camera.height])
     within = (xy >= -CANVAS_SLACK) & (xy <= size + CANVAS_SLACK)
-    return np.clip(xy, 0.0, size), (depth > 0.0) & within.all(axis=1)
+    return np.clip(xy, 0.0, size), camera.shows(depth) & within.all(axis=1)
 
 
 def _sample_places(
@@ -154,9 +154,7 @@ def _stretch_on_canvas(
     is shown. Each side of the canvas, and the eye's own plane, is a linear function in space that
     is positive inside, so segments are clipped before they are projected.
     """
-    right, down, forward = camera.axes
-    rel = points - camera.eye
-    x, y, z = rel @ right * camera.focal, rel @ down * camera.focal, rel @ forward
+    x, y, z = camera.homogeneous(points)
     w, h = 0.5 * camera.width, 0.5 * camera.height
     a = np.stack([w * z + x, w * z - x, h * z + y, h * z - y, z - 1e-6], axis=1)
     b = a[after]
