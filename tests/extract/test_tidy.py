@@ -1,9 +1,12 @@
 """Fragments in, strokes out: each rule of `tidy` on lines drawn here, noise, and any input."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from strokestyle.extract import tidy_merge
 from strokestyle.extract.tidy import TidyOptions, subtract_parallel, tidy, tidy_with_source
 from strokestyle.geometry.curves import KINDS, Curves, arc_length, owner
 
@@ -131,6 +134,73 @@ def test_what_runs_along_another_drawing_goes():
     for a, b in ((drawn, Curves.empty()), (Curves.empty(), drawn)):
         assert subtract_parallel(a, b)[0] is a
     assert len(subtract_parallel(drawn, drawn)[0]) == 0
+
+
+# --------------------------------------------------------------------------------------------- cost
+
+
+def spokes(count):
+    angles = np.linspace(0.0, 2 * np.pi, count, endpoint=False)
+    return [line((384, 384), (384 + 300 * np.cos(t), 384 + 300 * np.sin(t))) for t in angles]
+
+
+def hatching(count):
+    return [line((20, y), (748, y)) for y in np.linspace(100, 160, count)]
+
+
+def crumbs(count):
+    rng = np.random.default_rng(2)
+    at, turn = rng.normal(384, 3, (count, 2)), rng.uniform(0, 2 * np.pi, count)
+    return [
+        line(a, a + 10 * np.array([np.cos(t), np.sin(t)])) for a, t in zip(at, turn, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("kind", [CONTOUR, SUGGESTIVE])
+@pytest.mark.parametrize("dense, count", [(spokes, 150), (hatching, 60), (crumbs, 1500)])
+def test_cost_grows_as_the_number_of_points_however_dense(monkeypatch, dense, count, kind):
+    """Pairs of points looked at, and bytes beyond 60 MB, for each point, of ever more lines."""
+    looked = 0
+    near = tidy_merge._Grid.near
+
+    def counted(*args):
+        nonlocal looked
+        for pairs in near(*args):
+            looked += pairs.shape[1]
+            yield pairs
+
+    monkeypatch.setattr(tidy_merge._Grid, "near", counted)
+    tracemalloc.start()
+    cost = []
+    for many in (count, 4 * count):
+        lines = dense(many)
+        points = sum(len(p) for p in lines)
+        looked = 0
+        tracemalloc.reset_peak()
+        start = tracemalloc.get_traced_memory()[0]
+        draw(*lines, kind=kind)
+        peak = tracemalloc.get_traced_memory()[1] - start
+        cost.append((looked / points, max(peak - 60e6, 0.0) / points))
+    tracemalloc.stop()
+    assert cost[1][0] <= 150
+    assert cost[1][1] <= 500
+
+
+def test_dense_lines_leave_a_pen_width_between_them():
+    """The best go first: what is left is the same as of lines settled one after the other."""
+    out = draw(*hatching(600))
+    y = np.sort([line[:, 1].mean() for line in (out[i] for i in range(len(out)))])
+    assert np.diff(y).min() > 2.5 and np.diff(y).max() < 2 * 2.5 and out.lengths().min() > 727
+
+
+def test_batches_settle_as_one_does(monkeypatch):
+    lines, kind, strength = scribble(1, 400)
+    whole = draw(*lines, kind=kind, strength=strength)
+    monkeypatch.setattr(tidy_merge, "BATCH_FLOOR", 0)
+    monkeypatch.setattr(tidy_merge, "BATCH_PAIRS", 60)
+    monkeypatch.setattr(tidy_merge, "CHUNK", 1000)
+    parts = draw(*lines, kind=kind, strength=strength)
+    assert np.array_equal(whole.xy, parts.xy) and np.array_equal(whole.kind, parts.kind)
 
 
 # ------------------------------------------------------------------------------------------ joining

@@ -1,0 +1,256 @@
+"""Joining: lines whose ends head for each other become one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..geometry.curves import KINDS
+from .tidy_lines import CONTOUR, SOFT, Lines, TidyOptions, ends_of, even, near_others
+
+# Lengths in px, angles in degrees.
+MAX_NEAR = 24  # ends around an end that it may be joined to: the nearest
+MEETING = 4.0  # ends this near almost meet
+MEETING_ANGLE = 1.2  # x angle, for those
+TOUCHING, TOUCHING_BEND = 2.0, 60.0  # ends this near may bend by so much
+CONTOUR_ANGLE = 1.4  # x angle, between contours
+CORNER_BEND = 90.0  # of two free ends of contours
+FREE = 3.0  # an end this far from all other curves is free
+BEHIND = 0.5  # how far behind an end the other may lie and still count as ahead
+ASIDE, CONTOUR_ASIDE = 1.5, 2.5  # beside the heading, before the angle tells
+OVERLAP, OVERLAP_ASIDE = 6.0, 2.0  # how far two ends may run past each other, and how far apart
+MIN_BRIDGE = 3.0  # what the shortest piece may bridge; shorter bridges cross nothing
+MIN_RING = 4.0  # a curve closes where it is so many times as long as the gap
+CROSSING = 0.8  # a bridge this near to a curve crosses it
+COST_BEND, COST_ASIDE = 30.0, 4.0  # degrees, px that cost as much as a bridge of `gap` px
+COST_KIND = 0.5  # for another kind, and again for soft to hard
+
+
+class _EndPairs(NamedTuple):
+    """Pairs of ends of curves that might be joined; end 2c is the start of curve c, 2c + 1 its end.
+
+    Parameters
+    ----------
+    a, b : (P,) int, the ends
+    gap : (P,) px from one to the other
+    ahead_a, ahead_b : (P,) px, how far along the heading of each the other lies
+    aside : (P,) px, how far beside the heading of either, the greater of both
+    bend : (P,) degrees by which a joined curve would turn
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    gap: np.ndarray
+    ahead_a: np.ndarray
+    ahead_b: np.ndarray
+    aside: np.ndarray
+    bend: np.ndarray
+
+    @property
+    def curve_a(self) -> np.ndarray:
+        return self.a // 2
+
+    @property
+    def curve_b(self) -> np.ndarray:
+        return self.b // 2
+
+    def both(self, flag: np.ndarray) -> np.ndarray:
+        """Tell of which pairs both curves have a flag (C,), (P,) bool."""
+        return flag[self.curve_a] & flag[self.curve_b]
+
+    def take(self, index: np.ndarray) -> _EndPairs:
+        """Select the pairs of a mask over P."""
+        return _EndPairs(*(column[index] for column in self))
+
+
+def join(lines: Lines, options: TidyOptions, near: bool) -> Lines:
+    """Join curves end to end. `near`: only ends that almost meet."""
+    if lines.closed.all():
+        return lines
+    reach = MEETING if near else max(options.gap, options.contour_gap)
+    pairs = _end_pairs(lines, reach)
+    if not len(pairs.a):
+        return lines
+    good = _head_on(lines, pairs, options)
+    good &= pairs.gap <= (MEETING if near else _longest_bridge(lines, pairs, options))
+    good &= ~_too_short_to_close(lines, pairs)
+    pairs = pairs.take(good)
+    pairs = pairs.take(_clear(lines, pairs))
+    return _link(lines, _mates(pairs, _cost(lines, pairs, options), 2 * len(lines)))
+
+
+def _end_pairs(lines: Lines, reach: float) -> _EndPairs:
+    """Pair the ends of open curves within `reach` px, and measure how they lie to each other."""
+    tip, heading = ends_of(lines)
+    ends = np.flatnonzero(~np.repeat(lines.closed, 2))
+    a, b = ends[_pairs_within(tip[ends], reach)]
+    bridge = tip[b] - tip[a]
+    gap = np.linalg.norm(bridge, axis=1)
+    ahead_a = np.einsum("ij,ij->i", bridge, heading[a])
+    ahead_b = -np.einsum("ij,ij->i", bridge, heading[b])
+    side_a = np.sqrt(np.maximum(gap**2 - ahead_a**2, 0.0))
+    side_b = np.sqrt(np.maximum(gap**2 - ahead_b**2, 0.0))
+    bend = np.degrees(np.arccos(np.clip(-np.einsum("ij,ij->i", heading[a], heading[b]), -1.0, 1.0)))
+    return _EndPairs(a, b, gap, ahead_a, ahead_b, np.maximum(side_a, side_b), bend)
+
+
+def _pairs_within(xy: np.ndarray, reach: float) -> np.ndarray:
+    """Pair points (N, 2) within `reach` of each other, each with at most MAX_NEAR, (2, P) rows."""
+    near = min(MAX_NEAR + 1, len(xy))
+    distance, other = cKDTree(xy).query(xy, k=near, distance_upper_bound=reach)
+    here, k = np.nonzero(np.reshape(distance < np.inf, (len(xy), near)))
+    there = np.reshape(other, (len(xy), near))[here, k]
+    pairs = np.stack([np.minimum(here, there), np.maximum(here, there)])
+    return np.unique(pairs[:, here != there], axis=1)
+
+
+def _head_on(lines: Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray:
+    """Tell which pairs of ends go on as one line, by their directions, (P,) bool."""
+    gap, bend, aside = pairs.gap, pairs.bend, pairs.aside
+    contours = pairs.both(lines.kind == CONTOUR)
+    angle = np.where(contours, CONTOUR_ANGLE, 1.0) * options.angle
+    ahead = (pairs.ahead_a > -BEHIND) & (pairs.ahead_b > -BEHIND)
+    nearer = np.minimum(np.abs(pairs.ahead_a), np.abs(pairs.ahead_b))
+    width = np.where(contours, CONTOUR_ASIDE, ASIDE) + np.tan(np.radians(angle)) * nearer
+    straight = ahead & (aside <= width)
+    past = np.minimum(pairs.ahead_a, pairs.ahead_b)
+    overlap = ~ahead & (past > -OVERLAP) & (aside < OVERLAP_ASIDE)
+    slight = bend < angle * np.where(gap < MEETING, MEETING_ANGLE, 1.0)
+    good = np.where(gap < TOUCHING, bend < TOUCHING_BEND, slight & (straight | overlap))
+    free = ~near_others(lines, FREE)
+    corner = contours & free[pairs.a] & free[pairs.b] & (past > 0.0) & (bend < CORNER_BEND)
+    return good | (corner & (gap <= options.gap))
+
+
+def _longest_bridge(lines: Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray:
+    """Bound the gap that each pair may bridge, (P,) px: a short piece no more than its length."""
+    contours = pairs.both(lines.kind == CONTOUR)
+    limit = np.where(contours, options.contour_gap, options.gap)
+    return np.minimum(limit, np.maximum(_shorter(lines, pairs), MIN_BRIDGE))
+
+
+def _shorter(lines: Lines, pairs: _EndPairs) -> np.ndarray:
+    """Measure the shorter curve of each pair, (P,) px."""
+    length = lines.length
+    return np.minimum(length[pairs.curve_a], length[pairs.curve_b])
+
+
+def _too_short_to_close(lines: Lines, pairs: _EndPairs) -> np.ndarray:
+    """Tell which pairs are both ends of one curve too short to be a ring, (P,) bool."""
+    least = MIN_RING * np.maximum(pairs.gap, MIN_BRIDGE)
+    return (pairs.curve_a == pairs.curve_b) & (_shorter(lines, pairs) <= least)
+
+
+def _cost(lines: Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray:
+    """Weigh how unlikely each pair of ends is one line, (P,)."""
+    a, b = lines.kind[pairs.curve_a], lines.kind[pairs.curve_b]
+    return (
+        pairs.gap / options.gap
+        + pairs.bend / COST_BEND
+        + pairs.aside / COST_ASIDE
+        + COST_KIND * (a != b)
+        + COST_KIND * (SOFT[a] != SOFT[b])
+    )
+
+
+def _mates(pairs: _EndPairs, cost: np.ndarray, count: int) -> np.ndarray:
+    """Choose the end that each of `count` ends is joined to, cheapest first; -1 for none."""
+    mate = np.full(count, -1)
+    for i in np.lexsort((pairs.b, pairs.a, cost)):
+        a, b = pairs.a[i], pairs.b[i]
+        if mate[a] < 0 and mate[b] < 0:
+            mate[a], mate[b] = b, a
+    return mate
+
+
+def _clear(lines: Lines, pairs: _EndPairs) -> np.ndarray:
+    """Tell which bridges cross no third hard curve, (P,) bool; short ones never do."""
+    hard = ~SOFT[lines.kind][lines.of]
+    clear = np.ones(len(pairs.a), bool)
+    long = np.flatnonzero(pairs.gap >= MIN_BRIDGE)
+    if not len(long) or not hard.any():
+        return clear
+    tip, _ = ends_of(lines)
+    start, stop = tip[pairs.a[long]], tip[pairs.b[long]]
+    tree, of = cKDTree(lines.xy[hard]), lines.of[hard]
+    t = np.linspace(0.0, 1.0, 14)[1:-1]
+    probe = start[:, None] + t[:, None] * (stop - start)[:, None]
+    _, nearest = tree.query(probe.reshape(-1, 2), k=1, distance_upper_bound=CROSSING)
+    found = nearest < len(of)
+    other = np.where(found, of[np.minimum(nearest, len(of) - 1)], -1).reshape(len(long), -1)
+    own = (other == pairs.curve_a[long, None]) | (other == pairs.curve_b[long, None])
+    clear[long] = ~((other >= 0) & ~own).any(axis=1)
+    return clear
+
+
+def _link(lines: Lines, mate: np.ndarray) -> Lines:
+    """Join chains of curves whose ends are paired; each is resampled as one curve.
+
+    `mate` (2C,) is the end that each end is joined to, -1 for none.
+    """
+    linked = (mate[::2] >= 0) | (mate[1::2] >= 0)
+    if not linked.any():
+        return lines
+    single, length = lines.take(~linked), lines.length
+    rows, kind, closed = [], list(single.kind), list(single.closed)
+    for ends, ring in _chains(mate, linked):
+        parts = [np.arange(lines.offsets[e // 2], lines.offsets[e // 2 + 1]) for e in ends]
+        parts = [part[::-1] if e % 2 else part for part, e in zip(parts, ends, strict=True)]
+        joined = np.concatenate(_trimmed(lines.xy, parts, ring)) if len(parts) > 1 else parts[0]
+        rows.append(np.r_[joined, joined[0]] if ring else joined)
+        curves = np.array(ends) // 2
+        kind.append(_joined_kind(lines.kind[curves], length[curves]))
+        closed.append(ring)
+    offsets = np.r_[single.offsets, single.offsets[-1] + np.cumsum([len(row) for row in rows])]
+    row = np.concatenate(rows)
+    return even(
+        np.concatenate([single.xy, lines.xy[row]]),
+        np.concatenate([single.strength, lines.strength[row]]),
+        np.concatenate([single.source, lines.source[row]]),
+        offsets,
+        np.array(kind),
+        np.array(closed),
+    )
+
+
+def _chains(mate: np.ndarray, linked: np.ndarray) -> Iterator[tuple[list[int], bool]]:
+    """Follow ends from mate to mate; yield the ends where curves are entered, and if it is a ring.
+
+    Open chains begin at an end that has no mate, then rings anywhere.
+    """
+    used = np.zeros(len(linked), bool)
+    starts = np.repeat(2 * np.flatnonzero(linked), 2)
+    starts[1::2] += 1
+    for start in (*starts[mate[starts] < 0], *starts[::2]):
+        ends, end = [], int(start)
+        if used[end // 2]:
+            continue
+        while end >= 0 and not used[end // 2]:
+            used[end // 2] = True
+            ends.append(end)
+            end = int(mate[end ^ 1])
+        yield ends, end >= 0
+
+
+def _joined_kind(kind: np.ndarray, length: np.ndarray) -> int:
+    """Choose the kind with the most length, of the hard ones where these make up a third of it."""
+    weight = np.bincount(kind, length, len(KINDS))
+    hard = np.where(SOFT, 0.0, weight)
+    return int((hard if 3.0 * hard.sum() > weight.sum() else weight).argmax())
+
+
+def _trimmed(xy: np.ndarray, parts: list[np.ndarray], ring: bool) -> list[np.ndarray]:
+    """Trim successive parts, rows each, of points at their start that lie behind the one before."""
+    out = list(parts)
+    for i in range(0 if ring else 1, len(out)):
+        before, part = out[i - 1], out[i]
+        if len(part) < 4:
+            continue
+        tip, head = xy[before[-1]], xy[before[-1]] - xy[before[max(len(before) - 6, 0)]]
+        behind = (xy[part[:8]] - tip) @ head <= 0.3 * np.linalg.norm(head)
+        skip = int(behind.argmin()) if not behind.all() else 0
+        out[i] = part[min(skip, len(part) - 2) :]
+    return out

@@ -1,0 +1,277 @@
+"""Merging: of lines that run side by side, the best stays.
+
+Curves are settled from the best down, in batches: each point is asked whether it runs beside a
+curve that is better, of those settled (`_Kept`) and of those of its batch. Since what loses is
+never kept, and lines that are kept do not run side by side, so many points at most lie around any
+other; and batches are small where lines lie dense. So time grows as the number of points, whatever
+their density.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.curves import KINDS, counting, take_ragged
+from ..geometry.kinds import KIND_TABLE
+from .tidy_lines import (
+    CONTOUR,
+    SOFT,
+    STEP,
+    SUGGESTIVE,
+    Lines,
+    TidyOptions,
+    chords,
+    flip_short,
+    short_creases,
+)
+
+ABREAST = 1.5  # px along the better curve: farther on, a point lies ahead of a tip, not beside
+STRIDE = 2  # every second point answers for the next
+MIN_HARD = 8.0  # px; shorter hard lines do not compete by their kind
+FAR_ANGLE, SAME_FORM_ANGLE = 0.4, 0.7  # x merge_angle, beyond merge_soft px
+MAX_HOLE, MAX_NICK, MIN_REMAIN = 3.0, 4.0, 6.0  # px; shorter gaps, cuts and remains are undone
+MERGE_ROUNDS = 32
+
+CELL = 4.0  # px, of the grids in which points are sought
+CHUNK = 1 << 18  # pairs of points that are looked at in one go
+# A batch has about so many pairs of points at most: for each point, and besides
+BATCH_PAIRS, BATCH_FLOOR = 64, 1 << 21
+ROW = 1 << 31  # cells in a row of a grid
+
+_WEIGHT = np.array([kind.weight for kind in KIND_TABLE])
+
+
+def merge(lines: Lines, options: TidyOptions) -> Lines:
+    """Take away the parts that run beside a better curve."""
+    if len(lines) < 2:
+        return lines
+    soft = SOFT[lines.kind] | short_creases(lines, options)
+    order = np.argsort(_ranks(lines, soft))
+    rows, _ = take_ragged(lines.offsets, order)
+    gone = np.empty(len(rows), bool)
+    gone[rows] = _settle(_Contest.of(lines.take(order), soft[order], options))
+    return lines.stretches(~gone)
+
+
+def _ranks(lines: Lines, soft: np.ndarray) -> np.ndarray:
+    """Rank the curves (C,), the best 0: long hard ones by kind, short hard ones, then soft ones."""
+    length = lines.length
+    score = length * np.where(soft, lines.mean_strength(), 1.0) * _WEIGHT[lines.kind]
+    group = np.where(length >= MIN_HARD, lines.kind, len(KINDS))
+    group = np.where(soft, len(KINDS) + 1, group)
+    rank = np.empty(len(lines), np.int64)
+    rank[np.lexsort((np.arange(len(lines)), -score, group))] = np.arange(len(lines))
+    return rank
+
+
+@dataclass(frozen=True)
+class _Contest:
+    """Curves in the order of their rank, and what decides between two.
+
+    Parameters
+    ----------
+    lines : C curves of N points
+    options : the numbers
+    asks, as_better : (C,) int, what each is as the worse of two and as the better: row and column
+        of `reach`
+    reach : (3, 3) px, how near the better of two goes to the worse: to one that is hard,
+        suggestive, or soft of another kind; contours, suggestive contours, others
+    direction : (N, 2), unit vectors
+    answering : (N,) int, the row that answers for each
+    """
+
+    lines: Lines
+    options: TidyOptions
+    asks: np.ndarray
+    as_better: np.ndarray
+    reach: np.ndarray
+    direction: np.ndarray
+    answering: np.ndarray
+
+    @classmethod
+    def of(cls, lines: Lines, soft: np.ndarray, options: TidyOptions) -> _Contest:
+        """Prepare ranked curves, of which some compete as soft ones, (C,) bool."""
+        suggestive = lines.kind == SUGGESTIVE
+        asks = np.where(soft, np.where(suggestive, 1, 2), 0)
+        as_better = np.where(lines.kind == CONTOUR, 0, np.where(suggestive, 1, 2))
+        same_form = max(options.merge_soft, options.merge_suggestive)
+        reach = np.array(
+            [
+                [options.merge] * 3,
+                [options.merge_contour, options.merge_soft, same_form],
+                [options.merge_contour, same_form, options.merge_soft],
+            ]
+        )
+        answering = np.arange(len(lines.xy)) - lines.along() % STRIDE
+        return cls(lines, options, asks, as_better, reach, chords(lines), answering)
+
+    def beside(self, better: np.ndarray, worse: np.ndarray) -> np.ndarray:
+        """Tell of which pairs of rows (P,) the worse curve's runs beside the better one's."""
+        options, lines = self.options, self.lines
+        direction, between = self.direction[better], lines.xy[better] - lines.xy[worse]
+        distance = np.hypot(between[:, 0], between[:, 1])
+        asks, other = self.asks[lines.of[worse]], self.as_better[lines.of[better]]
+        same_form = (asks + other == 3) & (asks > 0) & (other > 0)
+        narrow = np.where(same_form, SAME_FORM_ANGLE, FAR_ANGLE)
+        angle = np.where(distance > options.merge_soft, narrow, 1.0) * options.merge_angle
+        cosine = np.abs(_row_dot(direction, self.direction[worse]))
+        return (
+            (distance <= self.reach[asks, other])
+            & (np.abs(_row_dot(between, direction)) < ABREAST * STEP)
+            & (cosine > np.cos(np.radians(angle)))
+        )
+
+
+def _row_dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
+
+
+class _Grid:
+    """Points in square cells, sorted by their cell."""
+
+    def __init__(self, xy: np.ndarray, rows: np.ndarray) -> None:
+        key = _cells(xy[rows]) @ [1, ROW]
+        order = np.argsort(key, kind="stable")
+        self.rows, self.key = rows[order], key[order]
+
+    def near(self, xy: np.ndarray, rows: np.ndarray, reach: float) -> Iterator[np.ndarray]:
+        """Pair points of the grid with others: rows (2, P) of one and of the other, some at a time.
+
+        All within `reach` px are among them, and others.
+        """
+        if not (len(self.rows) and len(rows)):
+            return
+        beyond = int(np.ceil(reach / CELL))
+        cell = _cells(xy[rows])
+        across = np.arange(-beyond, beyond + 1)
+        left = (cell @ [1, ROW])[:, None] + across * ROW - beyond
+        start = np.searchsorted(self.key, left)
+        count = np.searchsorted(self.key, left + 2 * beyond, "right") - start
+        total = np.cumsum(count.sum(axis=1))
+        cuts = np.searchsorted(total, np.arange(CHUNK, total[-1], CHUNK))
+        for some in np.split(np.arange(len(rows)), np.unique(cuts)):
+            first, many = start[some].ravel(), count[some].ravel()
+            found = np.repeat(first, many) + counting(many)
+            yield np.stack([self.rows[found], np.repeat(rows[some], count[some].sum(axis=1))])
+
+
+def _cells(xy: np.ndarray) -> np.ndarray:
+    """Find the cells of points (N, 2), (N, 2) int."""
+    return np.clip(np.floor(xy / CELL), -ROW / 4, ROW / 4).astype(np.int64)
+
+
+class _Kept:
+    """Points of curves that are settled: one list of grids for each kind of the better curve.
+
+    Each grid holds at least twice as many points as the next, so that few are made and few asked.
+    """
+
+    def __init__(self, contest: _Contest) -> None:
+        self.contest = contest
+        self.grids: tuple[list[_Grid], ...] = ([], [], [])
+
+    def add(self, rows: np.ndarray) -> None:
+        """Keep rows of the contest, and let them beat what is worse from now on."""
+        lines, of = self.contest.lines, self.contest.as_better[self.contest.lines.of[rows]]
+        for what, grids in enumerate(self.grids):
+            new = rows[of == what]
+            while grids and len(grids[-1].rows) < 2 * len(new):
+                new = np.concatenate([grids.pop().rows, new])
+            if len(new):
+                grids.append(_Grid(lines.xy, new))
+
+    def beside(self, rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Pair rows of kept and of asked points: the first better, and the second beside it."""
+        contest = self.contest
+        lines, asks = contest.lines, contest.asks[contest.lines.of[rows]]
+        for who, what in np.ndindex(contest.reach.shape):
+            asked, reach = rows[asks == who], float(contest.reach[who, what])
+            for grid in self.grids[what]:
+                for better, worse in grid.near(lines.xy, asked, reach):
+                    between = lines.xy[better] - lines.xy[worse]
+                    good = np.flatnonzero(
+                        (lines.of[better] < lines.of[worse])
+                        & (_row_dot(between, between) <= reach**2 * (1.0 + 1e-9))
+                    )
+                    better, worse = better[good], worse[good]
+                    beside = contest.beside(better, worse)
+                    yield better[beside], worse[beside]
+
+
+def _settle(contest: _Contest) -> np.ndarray:
+    """Tell which points go, (N,) bool."""
+    lines, kept = contest.lines, _Kept(contest)
+    answers = contest.answering == np.arange(len(lines.xy))
+    gone = np.zeros(len(lines.xy), bool)
+    first, most = 0, len(lines)
+    while first < len(lines):
+        last = min(first + most, len(lines))
+        rows = lines.offsets[first] + np.flatnonzero(
+            (answers & ~gone)[lines.offsets[first] : lines.offsets[last]]
+        )
+        for _, worse in kept.beside(rows):
+            gone[worse] = True
+        last = _batch(contest, first, last, rows[~gone[rows]])
+        batch = slice(lines.offsets[first], lines.offsets[last])
+        rows = rows[rows < batch.stop]
+        gone[batch] = _beaten(contest, first, last, gone[batch])
+        kept.add(rows[~gone[rows]])
+        first, most = last, 2 * (last - first)
+    return gone
+
+
+def _batch(contest: _Contest, first: int, last: int, rows: np.ndarray) -> int:
+    """Choose where a batch of curves ends that begins at curve `first`, at `last` the latest.
+
+    `rows` are the points that may beat or be beaten. Where many lie close together, few curves go
+    in.
+    """
+    lines = contest.lines
+    side = max(float(contest.reach.max()), CELL)
+    cell = np.floor(lines.xy[rows] / side).clip(-ROW / 4, ROW / 4).astype(np.int64) @ [1, ROW]
+    _, cell = np.unique(cell, return_inverse=True)
+    of = lines.of[rows]
+    while last - first > 1:
+        count = np.searchsorted(of, last)
+        in_cell = np.bincount(cell[:count], minlength=1)
+        if 9 * int(in_cell @ in_cell) <= BATCH_FLOOR + BATCH_PAIRS * count:
+            break
+        last = first + (last - first) // 2
+    return last
+
+
+def _beaten(contest: _Contest, first: int, last: int, gone: np.ndarray) -> np.ndarray:
+    """Settle a batch of curves: which of its points go, (n,), where some are `gone` (n,) already.
+
+    A part that is gone removes nothing itself, so that who loses depends on who lost before. Each
+    round settles the curves one rank further down, and few curves compete in a row.
+    """
+    lines, start = contest.lines, contest.lines.offsets[first]
+    offsets = lines.offsets[first : last + 1] - start
+    answering = contest.answering[start : start + len(gone)] - start
+    answers = answering == np.arange(len(gone))
+    rivals = _Kept(contest)
+    rivals.add(start + np.flatnonzero(answers & ~_for_good(gone[answering], offsets)))
+    asked = start + np.flatnonzero(answers & ~gone)
+    pairs = [np.stack(pair) for pair in rivals.beside(asked)]
+    better, worse = np.concatenate([np.zeros((2, 0), np.int64), *pairs], axis=1) - start
+    before = np.ones(len(gone), bool)
+    given = gone
+    for _ in range(MERGE_ROUNDS):
+        gone = given.copy()
+        gone[worse[~before[better]]] = True
+        gone = gone[answering]
+        for value, shorter in ((False, MAX_HOLE), (True, MAX_NICK), (False, MIN_REMAIN)):
+            gone = flip_short(gone, offsets, value, shorter / STEP)
+        if np.array_equal(gone, before):
+            break
+        before = gone
+    return gone
+
+
+def _for_good(gone: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Tell which points (N,) lie in a stretch that goes whatever else does, (N,) bool."""
+    return gone & flip_short(gone, offsets, True, MAX_NICK / STEP)
