@@ -63,7 +63,7 @@ def test_components_are_those_of_shared_edges(faces, count):
             [[0, 2 * count + 3, 2 * count + 4]],
         ]
     )
-    found = Edges.of(far, 2 * count + 5).components()
+    found = Edges.of(far, 2 * count + 5).component
     label = np.arange(len(far))
     pairs = [[set(a[[i, i - 1]].tolist()) for i in range(3)] for a in far]
     for _ in range(len(far)):  # to the least label of any neighbour, until nothing changes

@@ -16,7 +16,7 @@ import numpy as np
 from ..geometry.curves import KINDS
 from ..mesh.creases import creases
 from ..mesh.surface import Surface
-from ..mesh.triangles import all_corners, any_corner, bends, row_dot
+from ..mesh.triangles import all_corners, any_corner, row_dot
 from .intersections import crossings
 from .line_options import LineOptions
 from .surface_curves import interpolate_on_faces
@@ -612,12 +612,10 @@ def crease_edges(surface: Surface, angle: float) -> np.ndarray:
 
     Returns their indices, ascending.
     """
-    count, pair = surface.edge_face_count, surface.edge_faces
-    bend = bends(surface.face_normals, pair, count, surface.clashing_edges)
     sharp = creases(
-        surface.vertices, surface.edges, surface.face_edges, pair, bend, np.radians(angle)
+        surface.vertices, surface.connectivity.edges, surface.edge_bends, np.radians(angle)
     )
-    return np.flatnonzero(sharp | (count > 2))
+    return np.flatnonzero(sharp | (surface.edge_face_count > 2))
 
 
 def boundary_segments(surface: Surface, options: LineOptions) -> Segments:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .triangles import Edges, clashes, face_normals, row_dot
+from .triangles import Edges, bends, clashes, face_normals, polygon_normals, row_dot
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +24,14 @@ class Connectivity:
     faces : (F, 3) int64
     weld : (V,) int64, the first vertex at each vertex's place
     known_edges : the edges of weld[faces], where they are known already
+    polygon : (F,) int64, which polygon each face was cut from; by default each is one
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     weld: np.ndarray
     known_edges: Edges | None = None
+    polygon: np.ndarray | None = None
 
     def is_of(self, vertices: np.ndarray, faces: np.ndarray, weld: np.ndarray) -> bool:
         """Tell whether it is of these very arrays."""
@@ -78,6 +80,13 @@ class Connectivity:
         return face_normals(self.vertices, self.faces, self.edges)
 
     @cached_property
+    def bends(self) -> np.ndarray:
+        normal = self.face_normals
+        if self.polygon is not None:
+            normal = polygon_normals(self.vertices, self.faces, normal, self.polygon)
+        return bends(normal, self.edges, self.clashing_edges, self.polygon)
+
+    @cached_property
     def mean_edge(self) -> float:
         a, b = self.edges.ends.T
         along = self.vertices[a] - self.vertices[b]
@@ -85,7 +94,7 @@ class Connectivity:
 
     @cached_property
     def component(self) -> np.ndarray:
-        return self.edges.components()
+        return self.edges.component
 
     @cached_property
     def closed_faces(self) -> np.ndarray:

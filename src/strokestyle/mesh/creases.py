@@ -7,66 +7,87 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import runs
-from .triangles import row_dot
+from .triangles import Edges, row_dot
 
-# Lengths are of the longest side.
-LONG = 0.06  # so far must a crease reach whose sides bend ROUND times as much beside it
+# So far must a crease reach whose sides bend ROUND times as much beside it: of the longest side of
+# its body, or, where that is less, in edges as long as the longest of its faces.
+LONG, LONG_EDGES = 0.06, 12.0
 ROUND = 0.3
-SHORT = 0.01  # and so far one between flat sides
 STRAIGHT = 50.0  # degrees: a crease turns less from edge to edge, or ends
-WEAK = 0.7  # of the crease angle: where a crease is followed to
+WEAK = 0.7  # of the crease angle: two stretches of a crease hold together over such edges
+EQUAL = 0.01  # degrees: a fold that exceeds the crease angle by less is one of that angle
+FLAT = 0.05  # degrees: faces that bend less lie in one plane, as rounded coordinates have it
+MIDDLING = 0.1  # share of edges neither flat nor sharp from which on a place is no low-poly shape
 FOLDED = 150.0  # degrees: at an edge that bends more, a face is folded over
 MAX_FAN = 64  # sharp edges at one vertex; of more, as in a fan, none is the continuation of another
 
 
-def creases(
-    points: np.ndarray,
-    ends: np.ndarray,
-    of_side: np.ndarray,
-    faces: np.ndarray,
-    bend: np.ndarray,
-    angle: float,
-) -> np.ndarray:
+def creases(points: np.ndarray, edges: Edges, bend: np.ndarray, angle: float) -> np.ndarray:
     """Find the creases (E,) bool: edges of more than `angle` that hold together as a line would.
 
     A true crease goes on from edge to edge without turning much, and lies between sides that are
     flat next to it; the sharp edges of noise and of details too fine for the mesh zigzag, between
     sides that bend as much. So edges of more than WEAK `angle` are chained to the straightest ones
-    that follow them. Of a chain those that exceed `angle` are kept where they reach far enough: the
-    farther, the rounder its sides are. Where they make up half of it, all of it is kept, and so is
-    an edge that fills a gap between two such. Those that are FOLDED over are faults of the mesh, or
-    the edge of a blade: they must reach LONG.
+    that follow them. Of a chain those that exceed `angle` are creases where they reach far enough:
+    the farther, the rounder its sides are (`_bend_beside`). Between flat sides, as of all that is
+    designed, any length will do. How far is far is judged by the body that the chain is on, or by
+    its own faces where these are small, as of a thread on a long rod: what else the mesh holds does
+    not matter. Those that are FOLDED over are faults of the mesh, or the edge of a blade: they must
+    reach LONG.
 
     Parameters
     ----------
-    points : (V, 3), longest side 1
-    ends : (E, 2) int, the vertices of each edge
-    of_side : (F, 3) int, the edge of each side of each face
-    faces : (E, 2) int, the faces at each edge
+    points : (V, 3)
+    edges : E edges
     bend : (E,) radians, as `bends` has it
     angle : radians
     """
     edge = np.flatnonzero(bend > WEAK * angle)
-    out = np.zeros(len(ends), bool)
+    out = np.zeros(len(edges), bool)
     if not len(edge):
         return out
-    along = points[ends[edge, 1]] - points[ends[edge, 0]]
+    along = points[edges.ends[edge, 1]] - points[edges.ends[edge, 0]]
     length = np.linalg.norm(along, axis=1)
     along /= np.maximum(length, 1e-30)[:, None]
-    chain = chains(ends[edge], along)
-    strong, folded = bend[edge] > angle, bend[edge] > np.radians(FOLDED)
-    reach = np.bincount(chain, length * strong)
-    share = reach / np.maximum(np.bincount(chain, length), 1e-30)
-    beside = _bend_beside(points, ends, of_side, faces, bend, edge, along)
+    chain = chains(edges.ends[edge], along)
+    strong, folded = bend[edge] > angle + np.radians(EQUAL), bend[edge] > np.radians(FOLDED)
+    beside = _bend_beside(points, edges, bend, edge, along)
+    beside[_in_low_poly(edges, bend, edge, angle)] = 0.0
     beside = np.where(folded, ROUND * bend[edge], beside)
-    own = np.bincount(chain, length * bend[edge])
-    roundness = np.bincount(chain, length * beside) / np.maximum(own, 1e-30)
-    good = reach >= np.maximum(LONG * (roundness / ROUND) ** 2, SHORT)
-    kept = good[chain] & (strong | (share >= 0.5)[chain])
-    met = np.zeros(len(points), bool)
-    met[ends[edge[kept]]] = True
-    out[edge[kept | (met[ends[edge]].all(axis=1) & ~folded)]] = True
+    own, round_by = (np.bincount(chain, length * what) for what in (bend[edge], beside))
+    roundness = round_by / np.maximum(own, 1e-30)
+    far = _far(points, edges, edge, folded)
+    total = np.maximum(np.bincount(chain, length), 1e-30)
+    needed = np.bincount(chain, length * far) / total * (roundness / ROUND) ** 2
+    reach = np.bincount(chain, length * strong)
+    out[edge[strong & (reach >= needed)[chain]]] = True
     return out
+
+
+def _far(points: np.ndarray, edges: Edges, edge: np.ndarray, folded: np.ndarray) -> np.ndarray:
+    """Tell how far is far at some edges (M,): LONG of their body, or LONG_EDGES long, (M,).
+
+    Where `folded` (M,) it is LONG in any case.
+    """
+    face = edges.faces[edge, 0]
+    ends = points[edges.ends]
+    span = np.sqrt(row_dot(ends[:, 1] - ends[:, 0], ends[:, 1] - ends[:, 0]))
+    longest = np.zeros(len(edge))
+    for other in edges.faces[edge].T:  # -1 is a boundary's, at which nothing bends
+        longest = np.maximum(longest, span[edges.of_side[other]].max(axis=1))
+    body = LONG * _body_sizes(ends, edges)[edges.component[face]]
+    return np.where(folded, body, np.minimum(body, LONG_EDGES * longest))
+
+
+def _body_sizes(ends: np.ndarray, edges: Edges) -> np.ndarray:
+    """Measure the longest side of each connected component, (C,), from its edges (E, 2, 3)."""
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    body = edges.component[edges.faces[:, 0]]
+    order = np.argsort(body, kind="stable")
+    start = runs(body[order])[:-1]
+    low = np.minimum.reduceat(low[order], start)
+    high = np.maximum.reduceat(high[order], start)
+    return (high - low).max(axis=1)
 
 
 def chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:
@@ -108,26 +129,38 @@ def _pairs_at_vertices(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bend_beside(
-    points: np.ndarray,
-    ends: np.ndarray,
-    of_side: np.ndarray,
-    faces: np.ndarray,
-    bend: np.ndarray,
-    edge: np.ndarray,
-    along: np.ndarray,
+    points: np.ndarray, edges: Edges, bend: np.ndarray, edge: np.ndarray, along: np.ndarray
 ) -> np.ndarray:
     """Measure how much the surface bends right beside some edges about the same axis, (M,) radians.
 
-    That is the most at the other sides of an edge's two faces.
+    That is the most at the other sides of an edge's two faces. Nothing bends beside a face that
+    lies in one plane with another: that is part of a flat side, whatever bends at its far sides.
 
     `edge` : (M,) int; `along` : (M, 3), its direction; the others as `creases` has them
     """
-    most = np.zeros(len(edge))
-    for face in faces[edge].T:
-        for other in of_side[face].T:
+    ends, most = edges.ends, np.zeros(len(edge))
+    in_plane = edges.at_face((edges.uses == 2) & (bend < np.radians(FLAT)))
+    for face in edges.faces[edge].T:
+        for other in edges.of_side[face].T:
             direction = points[ends[other, 1]] - points[ends[other, 0]]
             direction /= np.maximum(np.linalg.norm(direction, axis=1), 1e-30)[:, None]
             about = bend[other] * np.abs(row_dot(direction, along))
             nothing = (other == edge) | (face < 0) | (bend[other] > np.radians(FOLDED))
             most = np.maximum(most, np.where(nothing, 0.0, about))
-    return most
+    return np.where(in_plane[edges.faces[edge]].any(axis=1), 0.0, most)
+
+
+def _in_low_poly(edges: Edges, bend: np.ndarray, edge: np.ndarray, angle: float) -> np.ndarray:
+    """Tell which edges (M,) lie where nearly all are flat or sharp, as on a pyramid, (M,) bool.
+
+    Bends of all sizes are a scan's. Asked is at the corners of both faces.
+    """
+    middling = ((bend > np.radians(FLAT)) & (bend <= angle)).astype(float)
+    count = edges.ends.max() + 1
+    of_vertex, degree = (
+        np.bincount(edges.ends.ravel(), np.repeat(weight, 2), count)
+        for weight in (middling, np.ones(len(bend)))
+    )
+    corner = edges.ends[edges.of_side[edges.faces[edge]]].reshape(len(edge), -1)  # each twice
+    share = of_vertex[corner].sum(axis=1) / degree[corner].sum(axis=1)
+    return share < MIDDLING

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from ..geometry.curves import runs
 from .creases import creases
 from .curvature import vertex_normals
-from .triangles import Edges, all_corners, bends, clashes, face_normals, row_dot
+from .triangles import Edges, all_corners, bends, clashes, face_normals, polygon_normals, row_dot
 
 LONG_EDGE = 0.03  # edges so long that normals must not run from a tip along them
 WELD = 1e-6  # boundary vertices nearer than this are one vertex
@@ -147,7 +147,7 @@ def faces_to_flip(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.nda
     """
     clash = clashes(faces, edges)
     turn = _majority_turn(edges, clash) if clash.any() else np.zeros(len(faces), bool)
-    component = edges.components()
+    component = edges.component
     closed = np.ones(component.max() + 1, bool)
     closed[component[edges.at_face(edges.uses == 1)]] = False
     p0, p1, p2 = (points[faces[:, i]] for i in range(3))
@@ -175,7 +175,11 @@ def _majority_turn(edges: Edges, clash: np.ndarray) -> np.ndarray:
 
 
 def split_at_creases(
-    points: np.ndarray, faces: np.ndarray, edges: Edges, crease: float
+    points: np.ndarray,
+    faces: np.ndarray,
+    edges: Edges,
+    crease: float,
+    polygon: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Give each side of a sharp edge vertices of its own.
 
@@ -189,6 +193,7 @@ def split_at_creases(
     faces : (F, 3) int
     edges : those of the faces
     crease : degrees; 180 for no creases and tips
+    polygon : (F,) int, which polygon each face was cut from; by default each is one
 
     Returns
     -------
@@ -196,7 +201,7 @@ def split_at_creases(
     """
     inner = np.flatnonzero(edges.uses == 2)
     clash = clashes(faces, edges)
-    sharp = _sharp_edges(points, faces, edges, clash, crease)[inner]
+    sharp = _sharp_edges(points, faces, edges, clash, crease, polygon)[inner]
     if not (sharp.any() or clash[inner].any() or (edges.uses > 2).any()):
         return faces, np.arange(len(points))
     group = _joined_corners(faces, edges, inner[~(sharp | clash[inner])])
@@ -213,7 +218,12 @@ def split_at_creases(
 
 
 def _sharp_edges(
-    points: np.ndarray, faces: np.ndarray, edges: Edges, clash: np.ndarray, crease: float
+    points: np.ndarray,
+    faces: np.ndarray,
+    edges: Edges,
+    clash: np.ndarray,
+    crease: float,
+    polygon: np.ndarray | None,
 ) -> np.ndarray:
     """Find creases, and edges that meet in a tip, (E,) bool; none but edges of two faces."""
     sharp = np.zeros(len(edges), bool)
@@ -221,8 +231,10 @@ def _sharp_edges(
         return sharp
     inner = edges.uses == 2
     normal = face_normals(points, faces, edges)
-    bend = bends(normal, edges.faces, edges.uses, clash)
-    found = creases(points, edges.ends, edges.of_side, edges.faces, bend, np.radians(crease))
+    if polygon is not None:
+        normal = polygon_normals(points, faces, normal, polygon)
+    bend = bends(normal, edges, clash, polygon)
+    found = creases(points, edges, bend, np.radians(crease))
     sharp = found & ~clash & inner
     tip = cone_apices(points, faces, edges.ends, normal, np.cos(np.radians(crease)))
     tip[edges.ends[inner & (sharp | clash)]] = False  # cut as it is

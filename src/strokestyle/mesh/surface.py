@@ -99,7 +99,9 @@ class Surface:
         object.__setattr__(self, "part_names", tuple(self.part_names))
         shape = self.vertices, self.faces, self.weld
         if self.connectivity is None or not self.connectivity.is_of(*shape):
-            object.__setattr__(self, "connectivity", Connectivity(*shape))
+            object.__setattr__(
+                self, "connectivity", Connectivity(*shape, polygon=integers["polygon"])
+            )
 
     def _checked_fields(self, count: int) -> dict[str, np.ndarray]:
         """The fields at the vertices, and the centre, as arrays of float64."""
@@ -157,6 +159,12 @@ class Surface:
         """(F, 3) float64, unit; faces too thin to have a normal have that of the face at their
         longest side."""
         return self.connectivity.face_normals
+
+    @property
+    def edge_bends(self) -> np.ndarray:
+        """(E,) float64, the angle between the two faces at each edge, radians; 0 on a boundary,
+        where more faces meet, and within one polygon of the file."""
+        return self.connectivity.bends
 
     @property
     def mean_edge(self) -> float:
@@ -303,7 +311,7 @@ def make_surface(
     faces, edges = np.where(turn[:, None], faces[:, ::-1], faces), edges.turned(turn)
     # once more: faces that were dropped may have held the box open
     points, moved_centre, moved_scale = centre_and_scale(points)
-    faces, weld = split_at_creases(points, faces, edges, crease)
+    faces, weld = split_at_creases(points, faces, edges, crease, polygon[kept])
     vertices = points[weld]
     whole = edges if len(weld) == len(points) else None
     return Surface(
@@ -316,7 +324,7 @@ def make_surface(
         part_names=part_names,
         polygon=polygon[kept],
         weld=weld,
-        connectivity=Connectivity(vertices, faces, weld, edges),
+        connectivity=Connectivity(vertices, faces, weld, edges, polygon[kept]),
     )
 
 

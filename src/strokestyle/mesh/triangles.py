@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -33,23 +34,27 @@ class LeftToTrimesh(ValueError):
 
 
 def bends(
-    normals: np.ndarray, faces: np.ndarray, uses: np.ndarray, clash: np.ndarray
+    normals: np.ndarray, edges: Edges, clash: np.ndarray, polygon: np.ndarray | None = None
 ) -> np.ndarray:
     """Measure the angle between the two faces at each edge, radians (E,); else 0.
+
+    Also 0 within one polygon, however warped: where it was cut says nothing about the shape.
 
     Parameters
     ----------
     normals : (F, 3) unit
-    faces : (E, 2) int, the faces at each edge
-    uses : (E,) int, how many faces there are
+    edges : E edges
     clash : (E,) bool, edges about which no winding agrees: one of the normals is the wrong way
         round there
+    polygon : (F,) int, which polygon each face was cut from; by default each is one
     """
-    inner = np.flatnonzero(uses == 2)
-    f, g = faces[inner].T
+    inner = np.flatnonzero(edges.uses == 2)
+    f, g = edges.faces[inner].T
     cosine = row_dot(normals[f], normals[g])
     cosine[clash[inner]] *= -1.0
-    bend = np.zeros(len(uses))
+    if polygon is not None:
+        cosine[polygon[f] == polygon[g]] = 1.0
+    bend = np.zeros(len(edges))
     bend[inner] = np.arccos(np.clip(cosine, -1.0, 1.0))
     return bend
 
@@ -74,6 +79,33 @@ def face_normals(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndar
         other = pair.sum(axis=1) - thin
         normal[thin] = np.where((pair >= 0).all(axis=1)[:, None], normal[other], normal[thin])
     return normal
+
+
+COHERENT = 0.7  # a polygon whose triangles' areas, as vectors, sum to less of their sum is no sheet
+
+
+def polygon_normals(
+    points: np.ndarray, faces: np.ndarray, normal: np.ndarray, polygon: np.ndarray
+) -> np.ndarray:
+    """Give faces the unit normal (F, 3) of the polygon that they were cut from.
+
+    That is the direction of the polygon's area as a vector (Newell 1972), so that a warped quad has
+    one normal, however it was cut. Where a polygon is folded on itself, faces keep `normal` (F, 3).
+
+    `polygon` : (F,) int, which polygon each face was cut from
+    """
+    number = np.unique(polygon, return_inverse=True)[1]
+    count = len(number) and number.max() + 1
+    if count == len(faces):
+        return normal
+    side = side_vectors(points, faces)
+    cross = np.cross(side[0], side[1])
+    size = np.sqrt(row_dot(cross, cross))
+    area = normal * size[:, None]  # thin faces may borrow their normal
+    total = np.stack([scatter_sum(number, axis, count) for axis in area.T], axis=1)
+    one = np.sqrt(row_dot(total, total)) > COHERENT * scatter_sum(number, size, count)
+    several = np.bincount(number, minlength=count) > 1
+    return np.where((one & several)[number, None], unit_rows(total)[number], normal)
 
 
 def clashes(faces: np.ndarray, edges: Edges) -> np.ndarray:
@@ -162,16 +194,19 @@ class Edges:
         face, side = np.divmod(self.sides, 3)
         swapped = (self.sides >= 0) & turn[face] & (side < 2)
         of_side = np.where(turn[:, None], self.of_side[:, [1, 0, 2]], self.of_side)
-        return replace(
+        turned = replace(
             self, of_side=of_side, sides=np.where(swapped, 3 * face + 1 - side, self.sides)
         )
+        object.__setattr__(turned, "component", self.component)
+        return turned
 
     def at_face(self, flag: np.ndarray) -> np.ndarray:
         """Find the faces with an edge of which `flag` (E,) is true, (F,) bool."""
         return any_corner(self.of_side, flag)
 
-    def components(self) -> np.ndarray:
-        """Number the connected components, through shared edges, by their first faces, (F,) int."""
+    @cached_property
+    def component(self) -> np.ndarray:
+        """The connected component, through shared edges, of each face, (F,) int."""
         count = len(self.of_side)
         pair = self.faces[self.uses == 2]
         if (self.uses > 2).any():
