@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .messages import NotSupported, naming
+from .read_gltf import read_gltf
 from .read_obj import read_obj
 from .read_ply import read_ply
 from .read_stl import read_stl
@@ -12,6 +13,8 @@ from .read_with_trimesh import one_line, read_with_trimesh
 from .triangles import LeftToTrimesh, Triangles
 
 READERS = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl}  # by suffix; all else is trimesh's
+# formats of several files, or with some beside them: their readers are given the path
+SCENES = {".gltf": read_gltf, ".glb": read_gltf, ".vrm": read_gltf}
 
 
 def read_mesh(path: str | Path) -> Triangles:
@@ -59,17 +62,21 @@ def read_mesh(path: str | Path) -> Triangles:
 
 def _read(path: Path) -> Triangles:
     """What is in a file, with or without faces."""
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
+    suffix = path.suffix.lower()
+    if suffix not in READERS and suffix not in SCENES:
         return read_with_trimesh(path)
     try:
-        return reader(path.read_bytes())
+        if suffix in SCENES:
+            return SCENES[suffix](path)
+        return READERS[suffix](path.read_bytes())
     except OSError as error:
+        if str(error).startswith(str(path)):
+            raise
         raise type(error)(f"{path}: cannot be read ({one_line(error)})") from None
     except LeftToTrimesh:
         return read_with_trimesh(path)
     except NotSupported as error:
         raise ValueError(f"{path}: {error}") from None
     except ValueError as error:
-        form = path.suffix.lower()[1:]
-        raise ValueError(f"{path}: damaged, or not in {form} format ({error})") from None
+        what = f"damaged, or not in {suffix[1:]} format"
+        raise ValueError(f"{path}: {what} ({error})") from None
