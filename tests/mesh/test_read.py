@@ -71,9 +71,25 @@ def test_polygons_are_fans():
     assert area(vertices, faces) == pytest.approx(3.5 * np.sin(2 * np.pi / 7))
 
 
+def test_a_letter_keeps_its_notch(tmp_path):
+    """The front and back of a block U, two polygons of eight corners, and its eight sides."""
+    front = [(2, 3), (2, 1), (1, 1), (1, 3), (0, 3), (0, 0), (3, 0), (3, 3)]
+    points = [f"v {x} {y} {z}" for z in (0, -1) for x, y in front]
+    sides = [f"f {i + 1} {i + 9} {(i + 1) % 8 + 9} {(i + 1) % 8 + 1}" for i in range(8)]
+    path = tmp_path / "u.obj"
+    path.write_text("\n".join([*points, "f 1 2 3 4 5 6 7 8", "f 16 15 14 13 12 11 10 9", *sides]))
+    surface = load_surface(path)
+    vertices = surface.original(surface.vertices)
+    assert area(vertices, surface.faces) == pytest.approx(2 * 7 + 16)
+    a, b, c = (vertices[surface.faces[:, i]] for i in range(3))
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(7)
+    assert (surface.edge_face_count == 2).all() and not surface.clashing_edges.any()
+
+
 def test_triangles_know_their_polygon(tmp_path):
     path = tmp_path / "x.obj"
-    path.write_bytes(SQUARE + b"v 2 2 2\nf 1 2 3 4\nf 1 2\nf 2 3 5\nf 4 3 2 1 5\n")
+    more = b"v 2 2 2\nv 0 0 5\nv 2 0 5\nv 2 2 5\nv 1 1 5\nv 0 2 5\n"
+    path.write_bytes(SQUARE + more + b"f 1 2 3 4\nf 1 2\nf 2 3 5\nf 6 7 8 9 10\n")
     polygon = read_mesh(path).polygon
     assert polygon[0] == polygon[1] and len(set(polygon)) == 3 and np.ptp(polygon[3:]) == 0
     surface = load_surface(path)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .polygons import cut_polygons
 from .triangles import Triangles
 
 _SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
@@ -15,10 +16,11 @@ _NO_KEYWORDS = bytes.maketrans(b"vf", b"  ")
 
 
 def read_obj(data: bytes) -> Triangles:
-    """Read the faces of a Wavefront OBJ file: polygons cut into fans, each object (`o`) a part.
+    """Read the faces of a Wavefront OBJ file, polygons cut into triangles.
 
-    Where there are no objects, groups (`g`) are parts; "default" is no name of one. Everything that
-    shape does not need is skipped: texture coordinates, normals, colours, materials, curves.
+    Each object (`o`) is a part. Where there are no objects, groups (`g`) are parts; "default" is no
+    name of one. Everything that shape does not need is skipped: texture coordinates, normals,
+    colours, materials, curves.
 
     Raises
     ------
@@ -27,7 +29,7 @@ def read_obj(data: bytes) -> Triangles:
     """
     lines = _Lines.of(data)
     vertices = _read_vertices(lines)
-    faces, line = _read_faces(lines, len(vertices))
+    faces, line = _read_faces(lines, vertices)
     part, names = _read_parts(lines, line)
     return Triangles(vertices, faces, part, names, line)  # a polygon a line
 
@@ -133,8 +135,8 @@ def _read_vertices(lines: _Lines) -> np.ndarray:
     return values[begin[:, None] + np.arange(3)]
 
 
-def _read_faces(lines: _Lines, vertices: int) -> tuple[np.ndarray, np.ndarray]:
-    """Read the polygons as fans of triangles over so many vertices.
+def _read_faces(lines: _Lines, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Read the polygons over vertices (V, 3), cut into triangles.
 
     Returns faces (F, 3) int64, and the line (F,) int of each.
     """
@@ -146,24 +148,12 @@ def _read_faces(lines: _Lines, vertices: int) -> tuple[np.ndarray, np.ndarray]:
     line = np.repeat(which, count)
     known = np.cumsum(lines.have("v"))[line]  # vertices before the face: -1 is the last of them
     corner = np.where(corner < 0, corner + known, corner - 1)
-    lost = (corner < 0) | (corner >= vertices)
+    lost = (corner < 0) | (corner >= len(vertices))
     if lost.any():
-        what = f"a face names a vertex that is none of the {vertices}"
+        what = f"a face names a vertex that is none of the {len(vertices)}"
         raise lines.error(int(line[np.argmax(lost)]), what)
-    faces, polygon = _fans(corner, count)
+    faces, polygon = cut_polygons(vertices, corner, count)
     return faces, which[polygon]
-
-
-def _fans(corner: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cut polygons of `count` (P,) corners each into fans about their first corner.
-
-    Returns faces (F, 3) int64, and the polygon (F,) int of each.
-    """
-    size = np.maximum(count - 2, 0)  # triangles of each fan
-    polygon = np.repeat(np.arange(len(count)), size)
-    k = np.arange(len(polygon)) - np.repeat(np.cumsum(size) - size, size)
-    begin = (np.cumsum(count) - count)[polygon]
-    return corner[np.stack([begin, begin + k + 1, begin + k + 2], axis=1)], polygon
 
 
 def _read_parts(lines: _Lines, line: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
