@@ -116,3 +116,30 @@ def test_a_turntable_seen_from_above_goes_round_the_upright_axis(box):
     options = {"view": "top", "turntable": 4, "size": (64, 64), "up": "z"}
     eyes_up = [view.camera.axes[2] for view in Shape(box, options).views()]
     assert np.allclose(eyes_up, [0, 0, -1])
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    path = tmp_path_factory.mktemp("parts") / "cart.obj"
+    box = trimesh.creation.box((1, 0.4, 0.2))
+    lines = []
+    for name, shift in (("body", 0), ("wheel", 3)):
+        lines.append(f"o {name}")
+        lines += ["v {} {} {}".format(*(v + [shift, 0, 0])) for v in box.vertices]
+        offset = 1 if name == "body" else 9
+        lines += ["f {} {} {}".format(*(f + offset)) for f in box.faces]
+    path.write_text("\n".join(lines))
+    return str(path)
+
+
+def test_hidden_parts_are_left_out_and_the_camera_stays(wheel):
+    whole, less = Shape(wheel, {}), Shape(wheel, {"hide": ("wheel",)})
+    assert whole.camera().to_dict() == less.camera().to_dict()
+    a, b = (next(shape.views()) for shape in (whole, less))
+    assert 0 < len(b.curves) < len(a.curves)
+    turned = list(Shape(wheel, {"hide": ("wheel",), "turntable": 2, "size": (96, 96)}).views())
+    assert all(len(view.curves) for view in turned)
+    with pytest.raises(ValueError, match=r"cart.obj: no part named 'weel'.*mean 'wheel'.*body"):
+        Shape(wheel, {"hide": ("weel",)}).view()
+    with pytest.raises(click.UsageError, match="leave out --hide"):
+        Shape("v.npz", {"hide": ("wheel",)})

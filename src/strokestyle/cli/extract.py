@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .messages import count_curves, say
-from .options import common_options, curve_options, line_options, view_options
+from .options import common_options, curve_options, line_options, shape_options, view_options
 from .outputs import STANDARD_OUTPUT, check_outputs, write_svg_text
 from .shape import Shape
 
@@ -46,6 +46,7 @@ Examples:
     "on layers of their own.",
 )
 @view_options
+@shape_options
 @line_options
 @curve_options
 @common_options

@@ -16,6 +16,7 @@ from .options import (
     device_option,
     line_options,
     seed_option,
+    shape_options,
     view_options,
 )
 from .outputs import check_outputs
@@ -70,6 +71,7 @@ Examples:
 @seed_option
 @device_option
 @view_options
+@shape_options
 @line_options
 @curve_options
 @common_options

@@ -155,6 +155,13 @@ def _set_verbosity(ctx: click.Context, param: click.Parameter, value: bool) -> N
         ctx.meta[VERBOSITY] = -1 if param.name == "quiet" else 1
 
 
+def _none_if_empty(
+    ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
+) -> tuple[str, ...] | None:
+    """What was given of an option that may be given several times; None where it was not."""
+    return value or None
+
+
 common_options = OptionGroup(
     click.option(
         "-q",
@@ -204,6 +211,19 @@ view_options = OptionGroup(
         help="Which axis of the mesh points up.  [default: y]",
     ),
     click.option("--size", type=Size(), help="Canvas, pixels.  [default: 768]"),
+)
+
+# Which of the shape is drawn.
+shape_options = OptionGroup(
+    click.option(
+        "--hide",
+        metavar="PART,...",
+        multiple=True,
+        callback=_none_if_empty,
+        help="Leave out named parts of the mesh, so that what lies behind them is seen; may be "
+        "given several times. A name with commas goes in double quotes. The camera stays as it is "
+        "without.",
+    ),
 )
 
 # What LineOptions takes, under its names.

@@ -22,6 +22,7 @@ from .options import (
     file_options,
     line_options,
     seed_option,
+    shape_options,
     view_options,
 )
 from .outputs import STANDARD_OUTPUT, write_preview, write_svg_text
@@ -120,6 +121,7 @@ Examples:
 @seed_option
 @device_option
 @view_options
+@shape_options
 @line_options
 @curve_options
 @common_options

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .messages import timed, told_warnings
-from .options import curve_options, line_options, view_options
+from .options import curve_options, line_options, shape_options, view_options
 
 if TYPE_CHECKING:
     from ..extract.camera import Camera
@@ -60,7 +60,7 @@ class Shape:
 
     def _refuse_options(self) -> None:
         """Raise a usage error where an option is given that a saved view has settled."""
-        groups = (line_options, curve_options, view_options)
+        groups = (line_options, curve_options, view_options, shape_options)
         given = [flag for group in groups for flag in group.given_flags(self.options)]
         if given:
             raise click.UsageError(
@@ -75,8 +75,22 @@ class Shape:
         with timed("read the mesh"), told_warnings():
             return load_surface(self.path)
 
+    @functools.cached_property
+    def shown(self) -> Surface:
+        """The mesh less what the options leave out of it."""
+        from ..mesh.hide import hide_parts
+
+        hide = self.options.get("hide")
+        try:
+            return hide_parts(self.surface, hide) if hide else self.surface
+        except ValueError as error:
+            raise ValueError(f"{self.path}: {error}") from None
+
     def camera(self) -> Camera:
-        """The camera that the options ask for; with --turntable it sees the shape all round."""
+        """The camera that the options ask for; with --turntable it sees the shape all round.
+
+        It is fitted to the whole mesh, whatever is left out, so that pictures lie on each other.
+        """
         from ..extract.camera import DEFAULT_FOV, DEFAULT_SIZE, Camera, fit_camera
         from ..extract.turntable import fit_turntable_camera
 
@@ -104,7 +118,7 @@ class Shape:
             return load_view(self.path)
         if self.options.get("curves"):
             return self._view_of_curves()
-        surface, camera, hidden = self.surface, self.camera(), self.options.get("hidden", False)
+        surface, camera, hidden = self.shown, self.camera(), self.options.get("hidden", False)
         with timed("curves and feature maps"):
             return extract_view(surface, camera, self.line_options(), self.spacing(), hidden)
 
@@ -116,7 +130,7 @@ class Shape:
         camera = self.camera()
         curves = load_curves(self.options["curves"], (camera.width, camera.height))
         with timed("feature maps"):
-            return view_of_curves(self.surface, camera, curves, self.spacing())
+            return view_of_curves(self.shown, camera, curves, self.spacing())
 
     def views(self) -> Iterator[View]:
         """The view; or with --turntable N views, once round the upright axis."""
@@ -129,7 +143,7 @@ class Shape:
             return
         axis = None if self.options.get("camera") else up_axis(self.options.get("up") or "y")
         views = turntable(
-            self.surface, self.camera(), count, self.line_options(), self.spacing(), axis=axis
+            self.shown, self.camera(), count, self.line_options(), self.spacing(), axis=axis
         )
         for _ in range(count):
             with timed("curves and feature maps"):

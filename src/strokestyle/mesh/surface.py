@@ -192,6 +192,25 @@ class Surface:
         measured = differential_geometry(self.vertices, self.faces, edges, edges=known)
         return replace(self, **measured._asdict())
 
+    def with_faces(self, keep: np.ndarray) -> Surface:
+        """Take the faces of a mask (F,) alone, with all that was measured on them, in their place.
+
+        The frame stays that of the whole: the box is no longer that of the surface. Raises
+        ValueError where no face is left.
+        """
+        old, corner = np.unique(self.faces[keep], return_inverse=True)
+        _, first, place = np.unique(self.weld[old], return_index=True, return_inverse=True)
+        fields = ("vertices", "normals", "k1", "k2", "pdir1", "pdir2", "dcurv")
+        return replace(
+            self,
+            **{name: getattr(self, name)[old] for name in fields},
+            faces=corner.reshape(-1, 3),
+            part=self.part[keep],
+            polygon=self.polygon[keep],
+            weld=first[place],
+            connectivity=None,  # type: ignore[arg-type]
+        )
+
     def original(self, points: np.ndarray) -> np.ndarray:
         """Bring points (N, 3) of this surface into the coordinates of the file it came from."""
         return np.asarray(points, np.float64) * self.scale + self.centre
