@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..geometry.curves import owner, runs
 from ..mesh.surface import Surface
@@ -18,6 +19,7 @@ from .segments import Segments
 from .surface_curves import SurfaceCurves
 
 CORNER_COSINE = -0.5  # ends of a junction that bend by more than 60 degrees are not joined
+FEW = 16  # ends of a junction of which all pairs are looked at
 SAME_POINT = 1e-9  # in longest sides of the shape; points of a curve that are nearer are one
 
 
@@ -77,8 +79,13 @@ def _join_ends(node: np.ndarray, points: np.ndarray) -> np.ndarray:
     a, b = order[pair], order[pair + 1]
     mate[a], mate[b] = b, a
     outward = _outward(points)
-    for junction in np.flatnonzero(degree > 2):  # few: forks and corners
-        _join_straightest(order[start[junction] : start[junction + 1]], outward, mate)
+    for d in np.unique(degree[degree > 2]):
+        junctions = order[start[:-1][degree == d][:, None] + np.arange(d)]
+        if d <= FEW:
+            _join_straightest(junctions, outward, mate)
+        else:
+            for ends in junctions:
+                _join_many(ends, outward[ends], mate)
     return mate
 
 
@@ -90,15 +97,42 @@ def _outward(points: np.ndarray) -> np.ndarray:
 
 
 def _join_straightest(ends: np.ndarray, outward: np.ndarray, mate: np.ndarray) -> None:
-    """Join the ends (E,) of a junction in `mate`, the straightest pair first, down to a corner."""
-    cosine = outward[ends] @ outward[ends].T
-    np.fill_diagonal(cosine, 1.0)
-    while True:
-        i, j = np.unravel_index(cosine.argmin(), cosine.shape)
-        if cosine[i, j] > CORNER_COSINE:
+    """Join the ends (J, d) of junctions in `mate`, straightest pairs first, down to a corner."""
+    direction = outward[ends]
+    cosine = np.einsum("jik,jlk->jil", direction, direction)
+    degree = ends.shape[1]
+    cosine[:, np.arange(degree), np.arange(degree)] = 1.0
+    for _ in range(degree // 2):
+        best = cosine.reshape(len(ends), -1).argmin(axis=1)
+        i, j = best // degree, best % degree
+        here = np.flatnonzero(cosine[np.arange(len(ends)), i, j] <= CORNER_COSINE)
+        if not len(here):
             break
-        mate[ends[i]], mate[ends[j]] = ends[j], ends[i]
-        cosine[[i, j]] = cosine[:, [i, j]] = 1.0
+        i, j = i[here], j[here]
+        mate[ends[here, i]], mate[ends[here, j]] = ends[here, j], ends[here, i]
+        for k in (i, j):
+            cosine[here, k] = cosine[here, :, k] = 1.0
+
+
+def _join_many(ends: np.ndarray, direction: np.ndarray, mate: np.ndarray) -> None:
+    """Join the many ends (E,) of one junction as `_join_straightest` does.
+
+    Each is asked for the few that are straightest, not for all: E^2 would not do at the tip of a
+    fan. `direction` (E, 3) points from each end into its segment.
+    """
+    free = np.arange(len(ends))
+    while len(free) > 1:
+        few = min(FEW, len(free))
+        chord, other = cKDTree(direction[free]).query(-direction[free], k=few)
+        cosine = 0.5 * np.square(chord) - 1.0
+        i, k = np.nonzero((cosine <= CORNER_COSINE) & (other != np.arange(len(free))[:, None]))
+        if not len(i):
+            break
+        by_angle = np.lexsort((other[i, k], i, cosine[i, k]))
+        for a, b in zip(free[i[by_angle]], free[other[i, k][by_angle]], strict=True):
+            if mate[ends[a]] < 0 and mate[ends[b]] < 0:
+                mate[ends[a]], mate[ends[b]] = ends[b], ends[a]
+        free = free[mate[ends[free]] < 0]
 
 
 def _following(mate: np.ndarray) -> np.ndarray:
