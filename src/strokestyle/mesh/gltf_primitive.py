@@ -15,6 +15,7 @@ from ..files import quoted
 from .gltf_file import GltfFile, normalized
 from .gltf_nodes import extension_of
 from .messages import NotSupported, warn
+from .pieces import check_corners, label
 
 _STRIP, _FAN = 5, 6
 _DRACO = "KHR_draco_mesh_compression"
@@ -29,14 +30,15 @@ class Primitive:
     ----------
     points : (V, 3) float64
     faces : (F, 3) int64
-    polygon : (F,) int64, the first face of the polygon that each is of: FB_ngon_encoding tells
+    polygon : (F,) int64, the first face of the polygon that each is of, where FB_ngon_encoding
+        tells
     targets : displacements (V, 3) of each morph target, None of one that moves nothing
     joints, weights : (V, K) int64 and float64, of the K joints that move a vertex; K may be 0
     """
 
     points: np.ndarray
     faces: np.ndarray
-    polygon: np.ndarray
+    polygon: np.ndarray | None
     targets: tuple[np.ndarray | None, ...]
     joints: np.ndarray
     weights: np.ndarray
@@ -82,19 +84,13 @@ def read_primitive(file: GltfFile, entry: dict[str, Any], name: str) -> Primitiv
         naming the part, where a triangle names a vertex that does not exist, or numbers are
         missing.
     """
-    label = repr(quoted(name)) if name else "a mesh"
     attribute, faces = _attributes(file, entry)
     points = attribute("POSITION")
     if points is None or points.shape[1] != 3:
-        raise ValueError(f"the positions of {label} are not of three coordinates")
+        raise ValueError(f"the positions of {label(name)} are not of three coordinates")
     count = len(points)
-    if len(faces) and not 0 <= faces.min() <= faces.max() < count:
-        bad = faces.max() if faces.max() >= count else faces.min()
-        raise ValueError(
-            f"a triangle of {label} names a vertex that does not exist: {bad}, and they "
-            f"are 0 to {count - 1}"
-        )
-    polygon = np.arange(len(faces))
+    check_corners(faces, count, name)
+    polygon = None
     if "FB_ngon_encoding" in entry.get("extensions", {}) and len(faces):
         starts = np.r_[True, faces[1:, 0] != faces[:-1, 0]]  # the triangles of one share the first
         polygon = np.flatnonzero(starts)[np.cumsum(starts) - 1]
@@ -105,7 +101,7 @@ def read_primitive(file: GltfFile, entry: dict[str, Any], name: str) -> Primitiv
 
     def of_rows(values: np.ndarray | None, what: str) -> np.ndarray | None:
         if values is not None and len(values) != count:
-            raise ValueError(f"{len(values)} {what} of {label} for {count} vertices")
+            raise ValueError(f"{len(values)} {what} of {label(name)} for {count} vertices")
         return None if values is None else values[rows]
 
     targets = [target.get("POSITION") for target in entry.get("targets", [])]

@@ -14,6 +14,7 @@ from xml.parsers import expat
 import numpy as np
 
 from ..files import quoted
+from .pieces import check_corners
 
 UNITS = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0,
          "inch": 25.4, "foot": 304.8, "meter": 1000.0}  # fmt: skip
@@ -70,14 +71,7 @@ class Object:
         Raises ValueError where one names a vertex that does not exist.
         """
         faces = np.frombuffer(self.corners, np.int64).reshape(-1, 3)
-        count = len(self.numbers) // 3
-        if len(faces) and not 0 <= faces.min() <= faces.max() < count:
-            bad = faces.max() if faces.max() >= count else faces.min()
-            label = repr(quoted(self.name)) if self.name else "an object"
-            raise ValueError(
-                f"a triangle of {label} names a vertex that does not exist: {bad}, and they are 0 "
-                f"to {count - 1}"
-            )
+        check_corners(faces, len(self.numbers) // 3, self.name)
         return faces
 
 

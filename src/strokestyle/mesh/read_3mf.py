@@ -20,6 +20,7 @@ import numpy as np
 from ..files import MAX_BYTES, MAX_DEPTH, quoted
 from .messages import NotSupported, warn
 from .model_3mf import Model, Object, Use
+from .pieces import Piece, moved, together
 from .triangles import Triangles
 
 MAX_MODEL = 2**31  # bytes of one model file: some 25 million triangles
@@ -35,19 +36,6 @@ _KNOWN = re.compile(
     "/3dmanufacturing/(core|material|production|slice|beamlattice|trianglesets|displacement|"
     "booleanoperations|volumetric|implicit)/"
 )
-
-
-class _Piece(NamedTuple):
-    """Triangles of an object where the build puts it.
-
-    vertices : (V, 3) float64, in the frame of the build
-    faces : (F, 3) int64
-    names : of what it is part of, outermost first
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    names: tuple[str, ...]
 
 
 class _Volume(NamedTuple):
@@ -127,7 +115,7 @@ class _Package:
         unknown = [name for name in root.required if not _KNOWN.search(name)]
         if unknown:
             warn(f"it requires {quoted(', '.join(unknown))}, which is not read here: drawn without")
-        return _together(pieces)
+        return together(pieces)
 
     def model(self, path: str) -> Model:
         """Read a model file of the package, once."""
@@ -173,7 +161,7 @@ class _Package:
         except ElementTree.ParseError as error:
             raise ValueError(f"{quoted(path)}: its XML cannot be read: {error}") from None
 
-    def _pieces(self, root: Model) -> Iterator[_Piece]:
+    def _pieces(self, root: Model) -> Iterator[Piece]:
         """Put the objects of the build where it wants them, components one in another."""
         items = root.items
         if not items:
@@ -218,15 +206,14 @@ class _Package:
         matrix = matrix @ use.matrix @ np.diag([unit, unit, unit, 1.0])
         return _Place(target, use.id, matrix, (*names, use.name), (*chain, (target, use.id)))
 
-    def _volumes_of(self, one: Object, place: _Place, volumes: list[_Volume]) -> Iterator[_Piece]:
+    def _volumes_of(self, one: Object, place: _Place, volumes: list[_Volume]) -> Iterator[Piece]:
         """Give the triangles of an object, those of each of a slicer's volumes by themselves."""
-        vertices = one.vertices @ place.matrix[:3, :3].T + place.matrix[:3, 3]
-        # a mirrored triangle is turned about
-        faces = one.faces[:, :: -1 if np.linalg.det(place.matrix[:3, :3]) < 0 else 1]
+        vertices, faces = moved(one.vertices, one.faces, place.matrix)
         for volume in volumes:
             if volume.is_shape:
                 some = faces[volume.first : volume.last]
-                yield _Piece(vertices, some, (*place.names, one.name, volume.name))
+                names = (volume.name, one.name, *reversed(place.names))
+                yield Piece(vertices, some, next(filter(None, names), ""))
             else:
                 self.left_out["modifiers"] += 1
 
@@ -276,17 +263,3 @@ def _metadata(element: ElementTree.Element, key: str) -> str:
         if child.get("key") == key:
             return child.get("value", "").strip()
     return ""
-
-
-def _together(pieces: list[_Piece]) -> Triangles:
-    """Lay pieces one after the other; those of one name are a part."""
-    names = [next((name for name in reversed(piece.names) if name), "") for piece in pieces]
-    part_names = tuple(dict.fromkeys(names))
-    number = {name: i for i, name in enumerate(part_names)}
-    offset = np.cumsum([0] + [len(piece.vertices) for piece in pieces[:-1]])
-    return Triangles(
-        np.concatenate([piece.vertices for piece in pieces]),
-        np.concatenate([piece.faces + at for piece, at in zip(pieces, offset, strict=True)]),
-        np.repeat([number[name] for name in names], [len(piece.faces) for piece in pieces]),
-        part_names,
-    )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from .gltf_file import GltfFile
 from .gltf_nodes import Nodes, read_nodes, text_of
 from .gltf_primitive import Primitive, read_primitive
 from .messages import NotSupported, warn
+from .pieces import Piece, together
 from .triangles import Triangles
 
 # Extensions that leave the shape as it is, or whose shape is read here.
@@ -30,16 +31,6 @@ _KNOWN = re.compile(
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 # what trimesh, which names all that it writes, calls a mesh that had no name
 _MADE_UP = {"https://github.com/mikedh/trimesh": r"(geometry|GLTF)(_\d+)?"}
-
-
-class _Piece(NamedTuple):
-    """Triangles in the scene's frame, as in Triangles, and the names of their node and material."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    polygon: np.ndarray
-    node: str
-    material: str
 
 
 def read_gltf(path: Path) -> Triangles:
@@ -63,13 +54,13 @@ def read_gltf(path: Path) -> Triangles:
     """
     try:
         with np.errstate(all="ignore"):  # numbers that are not finite are refused with the surface
-            return _together(_pieces(GltfFile(path)))
+            return together(_pieces(GltfFile(path)))
     except (KeyError, TypeError, IndexError, AttributeError, OverflowError) as error:
         what = " ".join(f"{type(error).__name__}: {error}".split())
         raise ValueError(f"not built as glTF is: {what[:100]}") from None
 
 
-def _pieces(file: GltfFile) -> list[_Piece]:
+def _pieces(file: GltfFile) -> list[Piece]:
     """Place the triangles of all that is shown."""
     _check_extensions(file)
     nodes = read_nodes(file)
@@ -111,7 +102,7 @@ def _placed(
     mesh: dict[str, Any],
     primitive: Primitive,
     names: tuple[str, str],
-) -> list[_Piece]:
+) -> list[Piece]:
     """Place a primitive of a node's mesh in the scene."""
     if not len(primitive.faces):
         return []
@@ -129,8 +120,10 @@ def _placed(
     faces = np.where(mirrored[:, None, None], primitive.faces[:, ::-1], primitive.faces)
     copy = np.arange(len(placed))[:, None]
     faces = faces + (copy * len(points))[:, :, None]
-    polygon = primitive.polygon + copy * len(primitive.faces)
-    return [_Piece(placed.reshape(-1, 3), faces.reshape(-1, 3), polygon.ravel(), *names)]
+    polygon = primitive.polygon
+    if polygon is not None:
+        polygon = (polygon + copy * len(primitive.faces)).ravel()
+    return [Piece(placed.reshape(-1, 3), faces.reshape(-1, 3), *names, polygon)]
 
 
 def _joints(file: GltfFile, nodes: Nodes, index: Any) -> np.ndarray:
@@ -167,7 +160,7 @@ def _kind(mode: Any) -> str:
     return kinds.get(mode, "primitives without positions")
 
 
-def _tell(file: GltfFile, nodes: Nodes, left_out: Counter[str], pieces: list[_Piece]) -> None:
+def _tell(file: GltfFile, nodes: Nodes, left_out: Counter[str], pieces: list[Piece]) -> None:
     """Warn of what is left out; raise where that is all."""
     kinds = " and ".join(f"{kind} ({count})" for kind, count in left_out.items())
     if pieces:
@@ -181,24 +174,4 @@ def _tell(file: GltfFile, nodes: Nodes, left_out: Counter[str], pieces: list[_Pi
     hidden = "" if nodes.shown else ", or all is hidden"
     raise NotSupported(
         f"no triangles in its scene{hidden}: {len(file.all('meshes'))} meshes in all"
-    )
-
-
-def _together(pieces: list[_Piece]) -> Triangles:
-    """Lay pieces one after the other; those of one name are a part."""
-    names = [piece.node for piece in pieces]
-    materials = [piece.material for piece in pieces]
-    if len({*names} - {""}) < 2 and len({*materials}) > 1:
-        names = materials
-    part_names = tuple(dict.fromkeys(names))
-    number = {name: i for i, name in enumerate(part_names)}
-    offset = np.cumsum([0] + [len(piece.vertices) for piece in pieces[:-1]])
-    first = np.cumsum([0] + [len(piece.faces) for piece in pieces[:-1]])
-    polygon = np.concatenate([p.polygon + at for p, at in zip(pieces, first, strict=True)])
-    return Triangles(
-        np.concatenate([piece.vertices for piece in pieces]),
-        np.concatenate([p.faces + at for p, at in zip(pieces, offset, strict=True)]),
-        np.repeat([number[name] for name in names], [len(piece.faces) for piece in pieces]),
-        part_names,
-        polygon if (polygon[1:] == polygon[:-1]).any() else None,
     )
