@@ -6,6 +6,7 @@ from pathlib import Path
 
 from .messages import NotSupported, naming
 from .read_3mf import read_3mf
+from .read_dae import read_dae
 from .read_gltf import read_gltf
 from .read_obj import read_obj
 from .read_ply import read_ply
@@ -16,6 +17,7 @@ from .triangles import LeftToTrimesh, Triangles
 READERS = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl}  # by suffix; all else is trimesh's
 # formats of several files, or with some beside them: their readers are given the path
 SCENES = {".gltf": read_gltf, ".glb": read_gltf, ".vrm": read_gltf, ".3mf": read_3mf}
+SCENES |= {".dae": read_dae, ".zae": read_dae}
 
 
 def read_mesh(path: str | Path) -> Triangles:
