@@ -11,11 +11,7 @@ import trimesh
 
 from strokestyle.mesh.read import read_mesh
 from strokestyle.mesh.read_obj import read_obj
-from strokestyle.mesh.read_ply import read_ply
-from strokestyle.mesh.read_stl import read_stl
-from strokestyle.mesh.read_with_trimesh import read_with_trimesh
 from strokestyle.mesh.surface import load_surface, make_surface
-from strokestyle.mesh.triangles import LeftToTrimesh
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
@@ -234,97 +230,3 @@ def test_huge_numbers_are_refused_not_wrapped():
     for index in (b"9999999999999999999999", b"-9999999999999999999999", b"9223372036854775807"):
         with pytest.raises(ValueError):
             read_obj(SQUARE + b"f 1 2 " + index)
-
-
-def quads():
-    return np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 2.5], [1, 0, 2]]), [
-        [0, 1, 2, 3],
-        [0, 1, 5, 4],
-    ]
-
-
-@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
-@pytest.mark.parametrize(
-    "colours, number, ends", [(False, "float", "\n"), (True, "double", "\r\n")]
-)
-def test_ply_of_quads(form, colours, number, ends):
-    """Written here, byte by byte, with what other programs put around it."""
-    vertices, faces = quads()
-    order = {"binary_big_endian": ">"}.get(form, "<")
-    columns = ["property uchar red"] * colours + [f"property {number} {axis}" for axis in "xyz"]
-    header = [
-        "ply",
-        f"format {form} 1.0",
-        "comment of nothing",
-        "element vertex 6",
-        *columns,
-        "element face 2",
-    ]
-    header += [
-        "property list uchar int vertex_indices",
-        "element edge 0",
-        "property int v",
-        "end_header",
-        "",
-    ]
-    data = ends.join(header).encode()
-    if form == "ascii":
-        rows = [" ".join(map(str, [7, *point][1 - colours :])) for point in vertices]
-        data += "\n".join([*rows, *(f"4 {a} {b} {c} {d}" for a, b, c, d in faces)]).encode()
-    else:
-        for point in vertices:
-            data += (
-                b"\7" * colours
-                + np.array(point, order + {"float": "f4", "double": "f8"}[number]).tobytes()
-            )
-        for face in faces:
-            data += b"\4" + np.array(face, order + "i4").tobytes()
-    found, triangles, part, names, _ = read_ply(data)
-    assert np.allclose(found, vertices) and triangles.tolist() == [
-        [0, 1, 2],
-        [0, 2, 3],
-        [0, 1, 5],
-        [0, 5, 4],
-    ]
-    assert (
-        not part.any()
-        and names == ("",)
-        and found.dtype == np.float64
-        and triangles.dtype == np.int64
-    )
-
-
-@pytest.mark.parametrize("kind, read", [("ply", read_ply), ("stl", read_stl)])
-def test_the_common_kinds_are_read_as_by_trimesh(tmp_path, kind, read):
-    data = trimesh.Trimesh(*shapes.torus(1, 0.4, 12, 8), process=False).export(file_type=kind)
-    path = tmp_path / f"x.{kind}"
-    path.write_bytes(data)
-    ours, theirs = read(data), read_with_trimesh(path)
-    assert np.array_equal(ours[0][ours[1]], theirs[0][theirs[1]])
-    assert all(np.array_equal(a, b) for a, b in zip(read_mesh(path), ours, strict=True))
-    assert ours.polygon is None or np.array_equal(ours.polygon, np.arange(len(ours.faces)))
-
-
-def test_what_is_uncommon_is_left_to_trimesh(tmp_path):
-    vertices, _ = quads()
-    body = "\n".join(" ".join(map(str, point)) for point in vertices) + "\n4 0 1 2 3\n3 0 1 5\n"
-    header = "ply\nformat ascii 1.0\nelement vertex 6\n"
-    header += "property float x\nproperty float y\nproperty float z\n"
-    text = header + "element face 2\nproperty list uchar int vertex_indices\nend_header\n" + body
-    for uncommon in (
-        text,
-        text.replace("3 0 1 5", "3 0 1 5 0"),
-        text.replace("4 0 1 2 3", "3 0 1 9"),
-        text[:-30],
-    ):
-        with pytest.raises(LeftToTrimesh):
-            read_ply(uncommon.encode())
-    with pytest.raises(LeftToTrimesh):
-        read_stl(b" " * 80 + b"\1\0\0\0" + b"\0" * 100)
-    path = tmp_path / "mixed.ply"
-    path.write_text(text)
-    found, faces, _, _, _ = read_mesh(path)
-    assert len(faces) == 3 and area(found, faces) == pytest.approx(1 + 1)
-    path = tmp_path / "text.stl"
-    path.write_text(trimesh.Trimesh(*shapes.sphere(1), process=False).export(file_type="stl_ascii"))
-    assert len(read_mesh(path)[1]) == 80

@@ -21,6 +21,14 @@ def warn(text: str) -> None:
     warnings.warn(text, MeshWarning, stacklevel=3)
 
 
+def only_lines(lines: int) -> NotSupported:
+    """Make the error for a file of so many lines and no faces."""
+    return NotSupported(
+        f"no faces in it ({lines} line{'s' * (lines != 1)}): lines cannot be drawn; make pipes or "
+        "other faces of them, and export it again"
+    )
+
+
 @contextlib.contextmanager
 def naming(path: str | Path) -> Iterator[None]:
     """Name a file in the MeshWarnings of what is done within; the same one is given once."""

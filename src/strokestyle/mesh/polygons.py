@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .messages import warn
 from .triangles import TINY, row_dot, unit_rows
 
 FLAT = 1e-4  # sine of the turn at a corner: less is rounding, and a fan may have faces of no area
@@ -31,17 +32,39 @@ def cut_polygons(
     ----------
     vertices : (V, 3) float
     corner : (C,) int, the vertices of all polygons, one after the other
-    count : (P,) int, the corners of each; those of fewer than three are dropped
+    count : (P,) int, the corners of each; those of fewer than three are left out, and warned of
 
     Returns
     -------
     faces (F, 3) int64 in the order of the polygons, and the polygon (F,) int64 of each
     """
+    short = int((count < 3).sum())
+    if short:
+        warn(f"left out: {short} of its {len(count)} faces, which have fewer than three corners")
     corner = _with_good_diagonals(vertices, corner, count)
     faces, polygon = _fans(corner, count)
     if count.size and count.max() > 4:
         _cut_concave(vertices, corner, count, faces)
     return faces, polygon
+
+
+def checked_corners(
+    values: np.ndarray, count: np.ndarray, vertices: int, what: str = "face"
+) -> np.ndarray:
+    """Take numbers (C,) that a file gives as the corners of polygons as int64.
+
+    `count` : (P,) int, the corners of each. Raises ValueError where one is none of so many
+    vertices.
+    """
+    with np.errstate(invalid="ignore"):
+        corner = values.astype(np.int64)
+    lost = (corner != values) | (corner < 0) | (corner >= vertices)
+    if lost.any():
+        at = int(np.argmax(lost))
+        polygon = int(np.searchsorted(np.cumsum(count), at, side="right"))
+        name = f"{what} {polygon + 1} of {len(count)} names vertex {values[at]:g}"
+        raise ValueError(f"{name}, which does not exist: there are {vertices}, from 0")
+    return corner
 
 
 def _fans(corner: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,12 +9,14 @@ from .read_3mf import read_3mf
 from .read_dae import read_dae
 from .read_gltf import read_gltf
 from .read_obj import read_obj
+from .read_off import read_off
 from .read_ply import read_ply
 from .read_stl import read_stl
 from .read_with_trimesh import one_line, read_with_trimesh
-from .triangles import LeftToTrimesh, Triangles
+from .triangles import Triangles
 
-READERS = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl}  # by suffix; all else is trimesh's
+# by suffix; all else is trimesh's
+READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_stl}
 # formats of several files, or with some beside them: their readers are given the path
 SCENES = {".gltf": read_gltf, ".glb": read_gltf, ".vrm": read_gltf, ".3mf": read_3mf}
 SCENES |= {".dae": read_dae, ".zae": read_dae}
@@ -23,15 +25,8 @@ SCENES |= {".dae": read_dae, ".zae": read_dae}
 def read_mesh(path: str | Path) -> Triangles:
     """Read all parts of a mesh file, a scene's transforms applied.
 
-    trimesh reads it, but for the kinds of file at which trimesh 5.2.0 was measured to be wrong or
-    slow (docs/meshes.md has the figures, benchmarks/mesh_files.py prints them again):
-
-    - OBJ, all of it: trimesh keeps the first object's name only, makes up parts of materials,
-      repeats vertices along the seams of a texture, reads some damaged lines in silence, and takes
-      1.9 times as long.
-    - PLY whose polygons all have the same number of corners, and binary STL: read rightly, but 3 to
-      17 times as slowly, and the import of trimesh, 0.14 s of processor time, makes a first
-      `render` 1.14 times as long. All other PLY and STL is left to trimesh.
+    OBJ, PLY, STL, OFF, glTF, 3MF and DAE have readers here, all else is trimesh's: docs/meshes.md
+    says why, and benchmarks/mesh_files.py prints its figures again.
 
     Raises
     ------
@@ -76,8 +71,6 @@ def _read(path: Path) -> Triangles:
         if str(error).startswith(str(path)):
             raise
         raise type(error)(f"{path}: cannot be read ({one_line(error)})") from None
-    except LeftToTrimesh:
-        return read_with_trimesh(path)
     except NotSupported as error:
         raise ValueError(f"{path}: {error}") from None
     except ValueError as error:

@@ -29,10 +29,6 @@ class Triangles(NamedTuple):
     polygon: np.ndarray | None = None
 
 
-class LeftToTrimesh(ValueError):
-    """A file is of a kind that a reader of ours leaves to trimesh."""
-
-
 def bends(
     normals: np.ndarray, edges: Edges, clash: np.ndarray, polygon: np.ndarray | None = None
 ) -> np.ndarray:

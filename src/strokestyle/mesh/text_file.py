@@ -1,0 +1,73 @@
+"""Text of mesh files: its encoding, and the numbers in it."""
+
+from __future__ import annotations
+
+import re
+import warnings
+
+import numpy as np
+
+from .messages import NotSupported
+
+_MARK = b"\xef\xbb\xbf"  # of UTF-8, at the beginning
+_SAMPLE = 64  # bytes that tell an encoding without a mark
+
+
+class CutShort(ValueError):
+    """A file ends before all that it says it holds; says how much is there."""
+
+    def __init__(self, there: int, said: int, what: str):
+        super().__init__(f"cut short: {there} of its {said} {what} are there")
+
+
+def one_byte_text(data: bytes) -> bytes:
+    """Take the mark of UTF-8 off text. Raises NotSupported where it is in UTF-16 or UTF-32."""
+    if data.startswith(_MARK):
+        return data[len(_MARK) :]
+    start = data[: min(_SAMPLE, len(data)) // 2 * 2]
+    even, odd = start[::2], start[1::2]
+    # a letter and a zero, by turns: no mark, and yet no text of one byte a letter
+    turns = len(start) > 4 and any(
+        not any(zeros) and all(letters) for zeros, letters in ((even, odd), (odd, even))
+    )
+    if data.startswith((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff")) or turns:
+        raise NotSupported("its text is in UTF-16 or UTF-32: save it as plain text, in UTF-8")
+    return data
+
+
+def read_numbers(text: bytes, line: int = 1) -> tuple[np.ndarray, str]:
+    """Read the numbers (N,) float64 of a text up to the first word that is none, if there is one.
+
+    Returns them, and "" or what that word is: "line 7: 'x' is not a number".
+    `line` : the number of the text's first line
+    """
+    if not text.strip():
+        return np.zeros(0), ""  # numpy makes one number of an empty text
+    values, stopped = _parse(text)
+    if not stopped:
+        return values, ""
+    for word in re.finditer(rb"\S+", text):
+        if not _is_number(word[0]):
+            line += len(re.findall(rb"\r\n|\r|\n", text[: word.start()]))
+            what = f"line {line}: {word[0][:20].decode('utf-8', 'replace')!r} is not a number"
+            return read_numbers(text[: word.start()])[0], what
+    return values, "numbers that cannot be read"
+
+
+def _parse(text: bytes) -> tuple[np.ndarray, bool]:
+    """Read numbers (N,), and tell whether that stopped before the end."""
+    with warnings.catch_warnings(record=True) as found:
+        # at a word that is no number some versions of numpy stop and warn, others raise
+        warnings.simplefilter("always")
+        try:
+            return np.fromstring(text, np.float64, sep=" "), bool(found)
+        except ValueError:
+            return np.zeros(0), True
+
+
+def _is_number(word: bytes) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return not _parse(word)[1]  # numpy reads more, such as nan(ind)
+    return b"_" not in word  # and Python more than numpy
