@@ -173,8 +173,8 @@ def segments(shared: Path | None) -> None:
         front = (view.n_dot_v > 0)[surface.faces].any(axis=1)  # rtsc draws ridges on these only
         whole, trimmed = LineOptions(**RTSC, trim=False), LineOptions(**RTSC)
         found = {
-            "contour": lines.contour_segments(surface, view, trimmed),
-            "contour_untrimmed": lines.contour_segments(surface, view, whole),
+            "contour": lines.contour_segments(surface, view, trimmed).shown,
+            "contour_untrimmed": lines.contour_segments(surface, view, whole).shown,
             "suggestive": lines.suggestive_segments(surface, view, trimmed),
             "apparent": lines.apparent_segments(surface, view, whole),
             "ridge": lines.ridge_segments(surface, trimmed),

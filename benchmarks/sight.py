@@ -109,6 +109,16 @@ def _edge(surface: Surface) -> np.ndarray:
     return np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2).mean(axis=1)
 
 
+def _width(surface: Surface) -> np.ndarray:
+    """Mean edges, or three times the mean height of the faces at a corner where that is less."""
+    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
+    longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
+    height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / longest
+    corner = surface.faces.ravel()
+    mean = np.bincount(corner, np.repeat(height, 3)) / np.bincount(corner)
+    return np.minimum(_edge(surface), 3.0 * mean[surface.faces].max(axis=1))
+
+
 def _touches(surface: Surface, hit: np.ndarray, face: np.ndarray) -> np.ndarray:
     return (surface.faces[hit][:, :, None] == surface.faces[face][:, None, :]).any(axis=(1, 2))
 
@@ -121,7 +131,7 @@ def _seen(count: int, hiding: np.ndarray) -> np.ndarray:
 
 def by_rule(surface: Surface, eye: np.ndarray, places: Places) -> np.ndarray:
     """The rule of `Scene.seen`, over every triangle that a ray meets."""
-    edge = _edge(surface)[places.face]
+    edge = _width(surface)[places.face]
     normal = surface.normals[surface.faces[places.face]].sum(axis=1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     target = (

@@ -82,10 +82,25 @@ def shares(seen, truth, length):
     ).sum() / length.sum()
 
 
+def width(surface):
+    """Mean edge of each face, at most three times the mean height of the faces at a corner."""
+    corner = surface.vertices[surface.faces]
+    side = np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
+    area = np.linalg.norm(
+        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1
+    )
+    height, at = area / side.max(axis=1), [[] for _ in surface.vertices]
+    for face, high in zip(surface.faces, height, strict=True):
+        for vertex in face:
+            at[vertex].append(high)
+    around = [max(np.mean(at[vertex]) for vertex in face) for face in surface.faces]
+    return np.minimum(side.mean(axis=1), 3 * np.array(around))
+
+
 def brute_force(surface, eye, position, face):
     """`Bvh.seen` for smooth lines in double precision: all triangles against all rays."""
     corner = surface.vertices[surface.faces]
-    edges = np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2).mean(axis=1)
+    edges = width(surface)
     normal = surface.normals[surface.faces[face]].sum(axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     target = position + LIFT * edges[face, None] * normal

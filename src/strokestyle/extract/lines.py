@@ -21,6 +21,7 @@ from .segments import (
     Segments,
     apparent_segments,
     boundary_segments,
+    coarse_faces,
     contour_segments,
     crease_edges,
     crease_segments,
@@ -75,9 +76,10 @@ class SurfaceLines:
         view = ViewFields.of(surface, camera.viewpoint)
         hard = []
         if self._wants("contour"):
-            hard.append(contour_segments(surface, view, options))
+            hard.append(contour_segments(surface, view, options, self.facets))
         if self._wants("crease"):
-            hard.append(crease_segments(surface, view, options, self.crease_edges))
+            edge = self.crease_edges
+            hard.append(crease_segments(surface, view, options, edge, self.facets))
         parts = [chain_segments(surface, found.shown, camera.up) for found in hard]
         for kind, find in _SOFT_VIEW_KINDS.items():
             if self._wants(kind):
@@ -106,6 +108,11 @@ class SurfaceLines:
     def crease_edges(self) -> np.ndarray:
         """Indices of the mesh edges that are creases."""
         return crease_edges(self.surface, self.options.crease)
+
+    @cached_property
+    def facets(self) -> np.ndarray:
+        """Faces so large that contours run round them instead of through them, (F,) bool."""
+        return coarse_faces(self.surface)
 
     @cached_property
     def fixed(self) -> SurfaceCurves:
@@ -180,7 +187,7 @@ class SurfaceLines:
         curves = self.fixed
         if not len(curves):
             return curves
-        front = (view.n_dot_v > 0.0) | ~self.surface.closed_vertices
+        front = (view.n_dot_v > 0.0) | ~view.closed_vertices(self.surface)
         seen = front[self.surface.faces[curves.face]].any(axis=1)
         soft = is_kind(curves.kind, SOFT_KINDS)
         return curves.take(~soft | (np.add.reduceat(seen, curves.offsets[:-1]) > 0))

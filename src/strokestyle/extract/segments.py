@@ -19,11 +19,13 @@ from ..mesh.surface import Surface
 from ..mesh.triangles import all_corners, any_corner, row_dot
 from .intersections import crossings
 from .line_options import LineOptions
-from .surface_curves import interpolate_on_faces
+from .surface_curves import barycentric, interpolate_on_faces
 from .view_curvature import ViewFields
 
 MIN_CROSSING = 10.0  # degrees, see intersection_segments
 SOFTNESS = 0.03  # of n.v against the derivative, in the strength of suggestive contours
+SAG, LONG = 2e-3, 0.02  # of the longest side of a body; see coarse_faces
+EDGE_ON = 1e-9  # n.v of a facet that is seen from the side
 # The corners after and before corner 0, 1, 2 of a face.
 NEXT_CORNER, CORNER_BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
 
@@ -188,43 +190,145 @@ class Trimmed(NamedTuple):
     unseen: Segments
 
 
-def contour_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Trimmed:
-    """Find occluding contours: n.v = 0, and creases of which just one side faces the eye.
+def contour_segments(
+    surface: Surface,
+    view: ViewFields,
+    options: LineOptions,
+    facets: np.ndarray | None = None,
+) -> Trimmed:
+    """Find occluding contours: n.v = 0, and folds, edges of which just one side faces the eye.
 
-    On closed surfaces those with positive radial curvature, and convex creases, may be seen. The
+    On closed surfaces those with positive radial curvature, and convex folds, may be seen. The
     rest lies inside a hollow and is always hidden. On open surfaces one may look at the inside,
     where the signs are reversed. Without `options.trim` nothing is said to be unseen.
+
+    Parameters
+    ----------
+    facets : (F,) bool, faces that are plane to the eye, as `coarse_faces` has them; by default none
     """
-    segments = _zero_lines(surface, view.n_dot_v, "contour")
+    folds = Folds.of(surface, view, facets)
+    segments = _zero_lines(surface, view.n_dot_v, "contour", folds.smooth_faces)
     if not options.trim:
-        return Trimmed(
-            _joined(segments, _fold_contours(surface, view, surface.cut_edges)), segments.none()
-        )
+        return Trimmed(_joined(segments, _fold_contours(folds, folds.edge)), segments.none())
     radial = values_at_ends(surface, segments, view.radial_curvature(surface))
-    radial[~surface.closed_faces[segments.face]] = 1.0
+    radial[~view.closed_faces[segments.face]] = 1.0
     names = _new_names(surface, segments)
     parts = (
         _keep_positive(segments, sign * radial, np.ones_like(radial), names) for sign in (1, -1)
     )
-    edge = surface.cut_edges
-    bulges = _convex(surface, edge) | ~surface.closed_faces[surface.edge_faces[edge, 0]]
-    folds = (_fold_contours(surface, view, edge[mask]) for mask in (bulges, ~bulges))
-    return Trimmed(*(_joined(part, fold) for part, fold in zip(parts, folds, strict=True)))
+    edge = folds.edge
+    bulges = _convex(surface, edge) | ~view.closed_faces[surface.edge_faces[edge, 0]]
+    found = (_fold_contours(folds, edge[mask]) for mask in (bulges, ~bulges))
+    return Trimmed(*(_joined(part, fold) for part, fold in zip(parts, found, strict=True)))
 
 
-def _fold_contours(surface: Surface, view: ViewFields, edge: np.ndarray) -> Segments:
-    """Find the parts of cut edges (M,) at which one side faces the eye and the other does not.
+def coarse_faces(surface: Surface) -> np.ndarray:
+    """Find the faces that no smooth contour may cross, (F,) bool.
+
+    Where a mesh is so coarse that its facets show, n.v = 0 on interpolated normals leaves the
+    outline that is seen, which runs along edges. That is so where a smooth surface would rise over
+    its facets by more than SAG of the body's size: between two ends of a chord by |chord . dn| / 8,
+    for a circular arc (Boubekeur and Alexa 2008 have four times that, at the middle of an edge).
+    And it is so on a strip of faces between creases, as around a can, if they are LONG: it is
+    ruled, and its rims are polygons.
+    """
+    faces, count = surface.faces, len(surface.vertices)
+    rise, longest = np.zeros(len(faces)), np.zeros(len(faces))
+    for i, j in enumerate(NEXT_CORNER):
+        chord = surface.vertices[faces[:, j]] - surface.vertices[faces[:, i]]
+        turn = surface.normals[faces[:, j]] - surface.normals[faces[:, i]]
+        rise = np.maximum(rise, np.abs(row_dot(chord, turn)) / 8.0)
+        longest = np.maximum(longest, row_dot(chord, chord))
+    size = _body_sizes(surface)
+    repeated = np.bincount(surface.weld, minlength=count) > 1
+    strip = all_corners(faces, repeated[surface.weld]) & (np.sqrt(longest) > LONG * size)
+    return strip | (rise > SAG * size)
+
+
+def _body_sizes(surface: Surface) -> np.ndarray:
+    """Measure the longest side of the body that each face belongs to, (F,)."""
+    body = surface.component
+    size = np.zeros(body.max() + 1)
+    for axis in surface.vertices.T:
+        low, high = np.full(len(size), np.inf), np.full(len(size), -np.inf)
+        for corner in surface.faces.T:
+            np.minimum.at(low, body, axis[corner])
+            np.maximum.at(high, body, axis[corner])
+        size = np.maximum(size, high - low)
+    return size[body]
+
+
+class Folds(NamedTuple):
+    """Edges at which facing the eye may change at once, and which of their sides do.
+
+    Parameters
+    ----------
+    surface, view : what is seen, and how
+    edge : (M,) int, edges between two faces that are cut, or of which one is a facet
+    facets : (F,) bool, faces that face the eye as a whole or not at all; None for no such
+    """
+
+    surface: Surface
+    view: ViewFields
+    edge: np.ndarray
+    facets: np.ndarray | None
+
+    @classmethod
+    def of(cls, surface: Surface, view: ViewFields, facets: np.ndarray | None) -> Folds:
+        """Find the edges of some `facets` (F,) bool, and those that are cut."""
+        edge = surface.cut_edges
+        if facets is None or not facets.any():
+            return cls(surface, view, edge, None)
+        pair = surface.edge_faces
+        of_facet = (surface.edge_face_count == 2) & facets[pair].any(axis=1)
+        of_facet[edge] = True
+        return cls(surface, view, np.flatnonzero(of_facet), facets)
+
+    @property
+    def smooth_faces(self) -> np.ndarray | None:
+        """Indices of the faces that are no facets, None for all."""
+        return None if self.facets is None else np.flatnonzero(~self.facets)
+
+    def facing(self, face: np.ndarray, smooth: np.ndarray) -> np.ndarray:
+        """Tell how faces (S,) face the eye, given n.v there on interpolated normals, (S, ...).
+
+        That is 1 or -1 on facets. One that is seen edge-on does not face the eye.
+        """
+        if self.facets is None:
+            return smooth
+        vertex, view = self.surface.faces[face, 0], self.view
+        surface, normal = self.surface, self.surface.face_normals[face]
+        towards = sum(
+            along[vertex] * row_dot(normal, axis[vertex])
+            for along, axis in (
+                (view.n_dot_v, surface.normals),
+                (view.u, surface.pdir1),
+                (view.v, surface.pdir2),
+            )
+        )
+        plane = np.where(towards > EDGE_ON, 1.0, -1.0)
+        shape = (len(face),) + (1,) * (smooth.ndim - 1)
+        return np.where(self.facets[face].reshape(shape), plane.reshape(shape), smooth)
+
+
+def _fold_contours(folds: Folds, edge: np.ndarray) -> Segments:
+    """Find the parts of folding edges (M,) at which one side faces the eye and the other does not.
 
     Their face is the one that does. Normals run along the edge on either side. Where those of one
     side turn away, the smooth contour of that side ends at the same point and under the same name.
     """
     parts = []
     for side in range(2):
-        segments, own, other, names = _along_cut(surface, view, edge, "contour", side)
+        segments, own, other, names = _along_fold(folds, edge, "contour", side)
         segments = _keep_positive(segments, own, -other, names)
-        facing = values_at_ends(surface, segments, view.n_dot_v).mean(axis=1)
-        parts.append(segments.take(facing > 0.0))
+        parts.append(segments.take(_faces_eye(folds, segments)))
     return _joined(*parts)
+
+
+def _faces_eye(folds: Folds, segments: Segments) -> np.ndarray:
+    """Tell of which segments the middle faces the eye, (S,) bool."""
+    smooth = values_at_ends(folds.surface, segments, folds.view.n_dot_v).mean(axis=1)
+    return folds.facing(segments.face, smooth) > 0.0
 
 
 def _convex(surface: Surface, edge: np.ndarray) -> np.ndarray:
@@ -235,13 +339,13 @@ def _convex(surface: Surface, edge: np.ndarray) -> np.ndarray:
     return row_dot(rise, surface.face_normals[face]) <= 0.0
 
 
-class CutEdges(NamedTuple):
-    """Cut edges, along which normals run on either side, as segments in the face on one side.
+class FoldSides(NamedTuple):
+    """Folding edges, along which normals run on either side, as segments in the face on one side.
 
     Parameters
     ----------
     segments : the M edges
-    own, other : (M, 2), n.v at their ends on that side and on the other
+    own, other : (M, 2), n.v at their ends on that side and on the other, or how a facet faces
     names : (M, 2) int, of the points where `own` is 0, and where `other` is 0
     """
 
@@ -251,10 +355,9 @@ class CutEdges(NamedTuple):
     names: np.ndarray
 
 
-def _along_cut(
-    surface: Surface, view: ViewFields, edge: np.ndarray, kind: str, side: int
-) -> CutEdges:
-    """Take cut edges `edge` (M,) as segments of a kind in the face on one `side`, 0 or 1."""
+def _along_fold(folds: Folds, edge: np.ndarray, kind: str, side: int) -> FoldSides:
+    """Take folding edges `edge` (M,) as segments of a kind in the face on one `side`, 0 or 1."""
+    surface = folds.surface
     segments = edge_segments(surface, edge, kind, side)
     facing, names = [], []
     sides = list(surface.edge_corners(edge))
@@ -262,9 +365,9 @@ def _along_cut(
         vertex = surface.faces[face[:, None], corner]
         backwards = _vertex_name(surface, vertex[:, 0]) != segments.node[:, 0]
         vertex[backwards] = vertex[backwards, ::-1]
-        facing.append(view.n_dot_v[vertex])
+        facing.append(folds.facing(face, folds.view.n_dot_v[vertex]))
         names.append(_edge_name(surface, vertex[:, 0], vertex[:, 1]))
-    return CutEdges(segments, facing[0], facing[1], np.stack(names, axis=1))
+    return FoldSides(segments, facing[0], facing[1], np.stack(names, axis=1))
 
 
 def _joined(*parts: Segments) -> Segments:
@@ -280,7 +383,7 @@ def _joined(*parts: Segments) -> Segments:
 
 def _may_be_seen(surface: Surface, view: ViewFields) -> np.ndarray:
     """Tell which faces do not turn away all over, (F,) bool; all faces of open surfaces do not."""
-    return any_corner(surface.faces, view.n_dot_v > 0.0) | ~surface.closed_faces
+    return any_corner(surface.faces, view.n_dot_v > 0.0) | ~view.closed_faces
 
 
 def suggestive_segments(surface: Surface, view: ViewFields, options: LineOptions) -> Segments:
@@ -584,27 +687,31 @@ def _leads(point: np.ndarray, arrow: np.ndarray, start: np.ndarray, end: np.ndar
 
 
 def crease_segments(
-    surface: Surface, view: ViewFields, options: LineOptions, edge: np.ndarray | None = None
+    surface: Surface,
+    view: ViewFields,
+    options: LineOptions,
+    edge: np.ndarray | None = None,
+    facets: np.ndarray | None = None,
 ) -> Trimmed:
     """Find creases: mesh edges where faces meet at more than the crease angle, or over two meet.
 
     Where contours are drawn too, less what is part of one; what faces away on a closed surface is
     never seen.
-    `edge` : the surface's `crease_edges`, where they are known.
+    `edge` : the surface's `crease_edges`, where they are known; `facets` : as `contour_segments`
     """
     edge = crease_edges(surface, options.crease) if edge is None else edge
     if "contour" not in options.kinds:
         segments = edge_segments(surface, edge, "crease")
         return Trimmed(segments, segments.none())
-    cut = np.isin(edge, surface.cut_edges, assume_unique=True)
-    segments, own, other, names = _along_cut(surface, view, edge[cut], "crease", 0)
+    folds = Folds.of(surface, view, facets)
+    folding = np.isin(edge, folds.edge, assume_unique=True)
+    segments, own, other, names = _along_fold(folds, edge[folding], "crease", 0)
     both = _keep_positive(segments, own, other, names)
-    uncut = edge_segments(surface, edge[~cut], "crease")
+    others = edge_segments(surface, edge[~folding], "crease")
     if not options.trim:
-        return Trimmed(_joined(both, uncut), both.none())
-    faces_eye = values_at_ends(surface, both, view.n_dot_v).mean(axis=1) > 0.0
-    seen = faces_eye | ~surface.closed_faces[both.face]
-    return Trimmed(_joined(both.take(seen), uncut), both.take(~seen))
+        return Trimmed(_joined(both, others), both.none())
+    seen = _faces_eye(folds, both) | ~view.closed_faces[both.face]
+    return Trimmed(_joined(both.take(seen), others), both.take(~seen))
 
 
 def crease_edges(surface: Surface, angle: float) -> np.ndarray:
@@ -646,7 +753,7 @@ def intersection_segments(surface: Surface, options: LineOptions) -> Segments:
     found = crossings(surface.vertices, surface.faces, surface.component)
     face, other = found.face.T
     bary, other_bary = (
-        _barycentric(surface.vertices[surface.faces[f]], found.points) for f in (face, other)
+        barycentric(surface.vertices[surface.faces[f]], found.points) for f in (face, other)
     )
     normal, other_normal = (
         interpolate_on_faces(surface, f, at.mean(axis=1), surface.normals)
@@ -658,16 +765,3 @@ def intersection_segments(surface: Surface, options: LineOptions) -> Segments:
     strength = np.ones((len(found), 2))
     segments = Segments(KINDS.index("intersection"), face, bary, found.node, strength)
     return segments.take(np.flatnonzero(sine > np.sin(np.radians(MIN_CROSSING))))
-
-
-def _barycentric(corner: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Weigh the corners (S, 3, 3) of faces at points (S, 2, 3) in them, (S, 2, 3)."""
-    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    normal = np.cross(a, b)
-    # each at right angles to the other side
-    across = np.stack([np.cross(b, normal), np.cross(normal, a)], axis=1)
-    rel = points - corner[:, :1]
-    weight = np.einsum("sek,sik->sei", rel, across) / row_dot(normal, normal)[:, None, None]
-    own = 1.0 - weight.sum(axis=2, keepdims=True)
-    bary = np.clip(np.concatenate([own, weight], axis=2), 0.0, 1.0)
-    return bary / bary.sum(axis=2, keepdims=True)

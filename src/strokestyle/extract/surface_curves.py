@@ -8,6 +8,7 @@ import numpy as np
 
 from ..geometry.curves import KINDS, check_offsets, owner, runs, take_ragged
 from ..mesh.surface import Surface
+from ..mesh.triangles import row_dot
 
 
 @dataclass(frozen=True)
@@ -133,3 +134,16 @@ def interpolate_on_faces(
     columns = values.reshape(len(values), -1)
     found = np.einsum("...i,...ik->...k", bary, columns[surface.faces[face]])
     return found.reshape(bary.shape[:-1] + values.shape[1:])
+
+
+def barycentric(corner: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Weigh the corners (S, 3, 3) of faces at points (S, k, 3) in them, (S, k, 3)."""
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    normal = np.cross(a, b)
+    # each at right angles to the other side
+    across = np.stack([np.cross(b, normal), np.cross(normal, a)], axis=1)
+    rel = points - corner[:, :1]
+    weight = np.einsum("sek,sik->sei", rel, across) / row_dot(normal, normal)[:, None, None]
+    own = 1.0 - weight.sum(axis=2, keepdims=True)
+    bary = np.clip(np.concatenate([own, weight], axis=2), 0.0, 1.0)
+    return bary / bary.sum(axis=2, keepdims=True)

@@ -21,11 +21,14 @@ class ViewFields:
     ----------
     n_dot_v : (V,), cosine between the normal and the direction v to the eye
     u, v : (V,), components of that direction along pdir1 and pdir2
+    closed_faces : (F,) bool, faces of which only the outside can be seen: those of components
+        without boundary, unless the eye is inside
     """
 
     n_dot_v: np.ndarray
     u: np.ndarray
     v: np.ndarray
+    closed_faces: np.ndarray
 
     @classmethod
     def of(cls, surface: Surface, eye: np.ndarray) -> ViewFields:
@@ -44,7 +47,14 @@ class ViewFields:
             n_dot_v,
             row_dot(to_eye, surface.pdir1),
             row_dot(to_eye, surface.pdir2),
+            closed_from(surface, eye),
         )
+
+    def closed_vertices(self, surface: Surface) -> np.ndarray:
+        """Tell which vertices of the surface have nothing but `closed_faces`, (V,) bool."""
+        closed = np.ones(len(surface.vertices), bool)
+        closed[surface.faces[~self.closed_faces]] = False
+        return closed
 
     def radial_curvature(self, surface: Surface) -> np.ndarray:
         """Measure the radial curvature, times the squared length of the projected view, (V,).
@@ -93,3 +103,24 @@ class ViewFields:
         uu, uv, vv = stretch * self.u**2, stretch * self.u * self.v, stretch * self.v**2
         k1, k2 = surface.k1, surface.k2
         return k1 * (1.0 + uu), k1 * uv, k2 * uv, k2 * (1.0 + vv)
+
+
+def closed_from(surface: Surface, eye: np.ndarray) -> np.ndarray:
+    """Find the faces of which an eye, (3,) or (4,), can see only the outside, (F,) bool.
+
+    They are those of components without boundary that do not wind round the eye: one inside a room
+    sees its walls from within. Solid angles after Van Oosterom and Strackee 1983.
+    """
+    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    closed = surface.closed_faces
+    if at_infinity(eye) or not closed.any() or (eye[:3] < low).any() or (eye[:3] > high).any():
+        return closed
+    face = np.flatnonzero(closed)
+    a, b, c = (surface.vertices[corner] - eye[:3] for corner in surface.faces[face].T)
+    x, y, z = (np.sqrt(row_dot(p, p)) for p in (a, b, c))
+    volume = row_dot(a, np.cross(b, c))
+    rest = x * y * z + row_dot(a, b) * z + row_dot(b, c) * x + row_dot(c, a) * y
+    turns = np.bincount(surface.component[face], np.arctan2(volume, rest)) / (2.0 * np.pi)
+    around = np.zeros(surface.component.max() + 1, bool)
+    around[: len(turns)] = np.abs(turns) > 0.5
+    return closed & ~around[surface.component]

@@ -9,12 +9,16 @@ import numpy as np
 from ..geometry.curves import Curves, counting, is_kind, owner, runs, take_ragged
 from ..geometry.kinds import SHARP_KINDS
 from ..mesh.surface import Surface
+from ..mesh.triangles import row_dot
 from .camera import Camera
+from .eye import towards
 from .rays import Bvh
-from .surface_curves import SurfaceCurves
+from .surface_curves import SurfaceCurves, barycentric
+from .view_curvature import closed_from
 
 SAMPLE = 1.0  # px between the points at which a line is asked whether it is seen
 FLICKER = 2.5  # px
+ON_EDGE = 1e-9  # a barycentric coordinate of a point that is on the side opposite
 CANVAS_SLACK = 1e-6  # px that a point on the very edge of the canvas may lie outside
 
 
@@ -106,10 +110,56 @@ def look_along(
     xy, inside = _on_canvas(node, camera)
     face, seen = lines.face[row], np.zeros(len(line), bool)
     if bvh is not None:
-        ask, sharp = np.flatnonzero(inside), is_kind(lines.kind, SHARP_KINDS)[line]
-        seen[ask] = bvh.seen(camera.viewpoint, face[ask], node[ask], sharp[ask])
+        ask = np.flatnonzero(inside)
+        sharp = is_kind(lines.kind, SHARP_KINDS)[line] | _along_edges(surface, lines, points)[row]
+        side = _sides(surface, camera, lines, points)[row]
+        seen[ask] = bvh.seen(camera.viewpoint, face[ask], node[ask], sharp[ask], side[ask])
         seen = _without_flicker(seen, line, xy)
     return SampledLines(lines, xy, strength, face, line, inside, seen)
+
+
+def _along_edges(surface: Surface, lines: SurfaceCurves, points: np.ndarray) -> np.ndarray:
+    """Tell at which rows of lines, whose points are given (N, 3), they follow edges, (N,) bool.
+
+    A contour does so at a fold. It is an edge by itself there, where it runs on from a row.
+    """
+    here = np.arange(len(points))
+    last = lines.offsets[1:] - 1
+    after = here + 1
+    after[last] = here[last]
+    corner = surface.vertices[surface.faces[lines.face]]
+    end = barycentric(corner, points[after][:, None])[:, 0]
+    along = np.any((lines.bary < ON_EDGE) & (end < ON_EDGE), axis=1)
+    along[last] = along[last - 1]
+    return along & is_kind(lines.kind, ("contour",))[owner(lines.offsets)]
+
+
+def _sides(
+    surface: Surface, camera: Camera, lines: SurfaceCurves, points: np.ndarray
+) -> np.ndarray:
+    """Tell on which side of the surface lines are to be looked for, (N,) 1. or -1.
+
+    Where only its outside can be seen, that is where the normals point. An open surface may be the
+    wrong way round: there it is the side that faces the eye, and of a contour the side towards
+    which the surface bulges along the view, as the radial curvature of DeCarlo et al. 2003 tells.
+    `points` (N, 3) are those of the lines.
+    """
+    side = np.ones(len(points))
+    open_ = np.flatnonzero(~closed_from(surface, camera.viewpoint)[lines.face])
+    if not len(open_):
+        return side
+    corner, weight = surface.faces[lines.face[open_]], lines.bary[open_]
+    view = towards(camera.viewpoint, points[open_])
+
+    def along(axis: np.ndarray) -> np.ndarray:
+        return np.einsum("nik,nk->ni", axis[corner], view)
+
+    radial = surface.k1[corner] * along(surface.pdir1) ** 2
+    radial += surface.k2[corner] * along(surface.pdir2) ** 2
+    contour = is_kind(lines.kind, ("contour",))[owner(lines.offsets)[open_]]
+    bulge = np.where(contour[:, None], radial, along(surface.normals))
+    side[open_[row_dot(bulge, weight) < 0.0]] = -1.0
+    return side
 
 
 def _on_canvas(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
