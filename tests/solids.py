@@ -60,6 +60,13 @@ def box(low=(0, 0, 0), high=(1, 1, 1)):
     return Solid(low + bits * (high - low), polygons)
 
 
+def boxes(columns, rows=1):
+    """Unit cubes side by side, no vertex shared."""
+    return together(
+        *(box((i, j, 0), (i + 1, j + 1, 1)) for i in range(columns) for j in range(rows))
+    )
+
+
 def prism(sides, height=1.0, radius=0.5, layers=1, twist=0.0):
     """A closed upright prism of quads between two caps, each layer turned by `twist` degrees."""
     at = 2 * np.pi * np.arange(sides) / sides + np.radians(twist) * np.arange(layers + 1)[:, None]

@@ -1,33 +1,32 @@
-"""Make a mesh fit to be measured: weld, drop what has no area, turn, split at creases.
+"""Make a mesh fit to be measured: weld, stitch, part, turn, split at creases.
 
 Lengths are of the longest side of the mesh.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from ..geometry.curves import runs
 from .creases import creases
 from .curvature import vertex_normals
-from .triangles import Edges, all_corners, bends, clashes, face_normals, polygon_normals, row_dot
+from .sheets import part_sheets
+from .stitch import stitch
+from .triangles import Edges, bends, clashes, face_normals, polygon_normals, row_dot
+from .weld import (
+    close_cracks,
+    drop_flat_faces,
+    drop_repeated_faces,
+    drop_unused_vertices,
+    first_at_place,
+    has_area,
+)
 
 LONG_EDGE = 0.03  # edges so long that normals must not run from a tip along them
-WELD = 1e-6  # boundary vertices nearer than this are one vertex
-MAX_KEYED = 2_000_000  # vertices: three indices of so many fit one int64
-_CELLS = 2**21  # per axis: the grid on which equal positions are found; 3 x 21 bits fit an int64
-
-
-def drop_unused_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Drop vertices that no face uses; the others keep their order."""
-    used = np.zeros(len(vertices), bool)
-    used[faces] = True
-    if used.all():
-        return vertices, faces
-    return vertices[used], (np.cumsum(used) - 1)[faces]
 
 
 def centre_and_scale(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -46,98 +45,64 @@ def centre_and_scale(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]
     return (points - centre) / (2.0 * scale), centre, 2.0 * scale
 
 
-def weld_vertices(
-    points: np.ndarray, faces: np.ndarray, part: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Merge vertices at one place, then drop faces without area and repeated faces.
+class Mended(NamedTuple):
+    """A mesh made fit to be measured.
 
-    points (V, 3) with longest side 1, faces (F, 3), part (F,) -> the same of what is left
+    Parameters
+    ----------
+    points : (V, 3), the vertices that are used
+    faces : (F, 3) int
+    kept : (F,) int, the face given that each was, or was cut from
     """
-    cell = np.clip(((points + 0.5) * (_CELLS - 1) + 0.5).astype(np.int64), 0, _CELLS - 1)
-    key = (cell[:, 0] * _CELLS + cell[:, 1]) * _CELLS + cell[:, 2]
-    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    faces = first[inverse.ravel()][faces]
-    points, faces = drop_unused_vertices(points, faces)
-    faces, part = drop_degenerate_faces(points, faces, part)
-    faces, part = _close_cracks(points, faces, part)
-    return *drop_unused_vertices(points, faces), part
+
+    points: np.ndarray
+    faces: np.ndarray
+    kept: np.ndarray
 
 
-def _close_cracks(
-    points: np.ndarray, faces: np.ndarray, part: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Merge boundary vertices nearer than WELD: faces and part.
+def mend(points: np.ndarray, faces: np.ndarray, stitched: bool = True) -> Mended:
+    """Merge vertices at one place, close cracks and T-junctions, drop faces that are none.
 
-    Two nearly equal positions can fall into two cells of the grid. Where that tore the mesh, both
-    lie on a boundary.
+    Where more than two faces meet in an edge, the sheets there get vertices of their own. The order
+    of vertices stays, and that of faces where none is cut.
+
+    Parameters
+    ----------
+    points : (V, 3), longest side 1
+    faces : (F, 3) int
+    stitched : look for T-junctions, and part sheets
+
+    Raises
+    ------
+    ValueError
+        where no face has any area.
     """
-    edges = Edges.of(faces, len(points))
-    rim = np.unique(edges.ends[edges.uses == 1])
-    if not len(rim):
-        return faces, part
-    pairs = cKDTree(points[rim]).query_pairs(WELD, output_type="ndarray")
-    if not len(pairs):
-        return faces, part
-    links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(rim), len(rim)))
-    group = connected_components(links, directed=False)[1]
-    _, first = np.unique(group, return_index=True)
-    target = np.arange(len(points))
-    target[rim] = rim[first[group]]
-    return drop_degenerate_faces(points, target[faces], part)
+    given, place = faces, first_at_place(points)
+    faces, kept = drop_repeated_faces(place[faces], np.arange(len(faces)))
+    if len(faces):
+        closed = close_cracks(points, faces)
+        place = closed[place]
+        faces, kept = drop_repeated_faces(closed[faces], kept)
+    if not (len(faces) and has_area(points, faces).any()):
+        raise ValueError(f"none of its {len(given)} faces has any area: nothing to draw")
+    if stitched:
+        faces, kept = stitch(points, faces, kept)
+    faces, kept = drop_flat_faces(points, faces, kept)
+    if stitched:
+        origin = _origins(given[kept], place, faces)
+        points, faces = part_sheets(points, faces, origin)
+    return Mended(*drop_unused_vertices(points, faces), kept)
 
 
-def drop_degenerate_faces(
-    points: np.ndarray, faces: np.ndarray, part: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Drop faces (F, 3) without area and repeated faces, and their part (F,).
+def _origins(given: np.ndarray, place: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Name the corners of faces (F, 3) as the file did, (F, 3); those that are stitched on, apart.
 
-    A face of three points in a row may close the gap between one long side and two short ones: then
-    it stays. Raises ValueError where no face has any area.
+    `given` : (F, 3), the corners in the file; `place` : (V,), which vertex each of the file is now
     """
-    corners = _sorted_corners(faces)
-    once = _first_of_each(corners, len(points))
-    good = once & _has_area(points, faces)
-    if good.any() and not good.all():
-        filler = once & ~good & (np.diff(corners, axis=1) > 0).all(axis=1)
-        left = np.flatnonzero(good | filler)
-        edges = Edges.of(faces[left], len(points))
-        tight = all_corners(edges.of_side, edges.uses == 2)
-        good[left] |= filler[left] & tight
-    if not good.any():
-        raise ValueError(f"none of its {len(faces)} faces has any area: nothing to draw")
-    return faces[good], part[good]
-
-
-def _has_area(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Tell which faces have an area, (F,) bool: a height over their base that is no rounding."""
-    p0, p1, p2 = (points[faces[:, i]] for i in range(3))
-    sides = p1 - p0, p2 - p1, p0 - p2
-    one, two, three = (row_dot(side, side) for side in sides)
-    longest = np.maximum(one, np.maximum(two, three))
-    cross = np.cross(p1 - p0, p2 - p0)
-    return np.sqrt(row_dot(cross, cross)) > 1e-10 * longest  # repeated indices give 0 > 0
-
-
-def _sorted_corners(faces: np.ndarray) -> np.ndarray:
-    """Sort the corners of each face (F, 3): many times faster than to sort short rows."""
-    a, b, c = faces.T
-    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    return np.stack([low, a + b + c - low - high, high], axis=1)
-
-
-def _first_of_each(corners: np.ndarray, count: int) -> np.ndarray:
-    """Find the first of faces with the same sorted corners (F, 3), (F,) bool.
-
-    `count` : how many vertices there are
-    """
-    if count < MAX_KEYED:  # a plain sort, many times faster than by rows
-        key = (corners[:, 0] * count + corners[:, 1]) * count + corners[:, 2]
-        first = np.unique(key, return_index=True)[1]
-    else:
-        first = np.unique(corners, axis=0, return_index=True)[1]
-    once = np.zeros(len(corners), bool)
-    once[first] = True
-    return once
+    origin = len(place) + faces
+    for own in given.T:
+        origin = np.where(place[own][:, None] == faces, own[:, None], origin)
+    return origin
 
 
 def faces_to_flip(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndarray:

@@ -13,12 +13,12 @@ from .curvature import differential_geometry
 from .read import read_mesh
 from .repair import (
     centre_and_scale,
-    drop_unused_vertices,
     faces_to_flip,
+    mend,
     split_at_creases,
-    weld_vertices,
 )
 from .triangles import Edges
+from .weld import drop_unused_vertices
 
 DEFAULT_CREASE = 40.0  # degrees between two faces
 MAX_SMOOTH = 100.0  # mean edges
@@ -324,7 +324,7 @@ def make_surface(
     polygon = _one_per_face("polygon", polygon, len(faces))
     points, faces = drop_unused_vertices(vertices, faces)
     points, centre, scale = centre_and_scale(points)
-    points, faces, kept = weld_vertices(points, faces, np.arange(len(faces)))
+    points, faces, kept = mend(points, faces, stitched=not rtsc)
     edges = Edges.of(faces, len(points))
     turn = faces_to_flip(points, faces, edges)
     faces, edges = np.where(turn[:, None], faces[:, ::-1], faces), edges.turned(turn)
