@@ -143,3 +143,18 @@ def test_hidden_parts_are_left_out_and_the_camera_stays(wheel):
         Shape(wheel, {"hide": ("weel",)}).view()
     with pytest.raises(click.UsageError, match="leave out --hide"):
         Shape("v.npz", {"hide": ("wheel",)})
+
+
+def test_a_section_is_cut_after_parts_are_hidden_and_the_camera_stays(wheel):
+    whole = Shape(wheel, {})
+    cut = Shape(wheel, {"section": ("x:90%", "+y:0"), "hide": ("body",)})
+    assert whole.camera().to_dict() == cut.camera().to_dict()
+    assert [plane.axis for plane in cut.shown.section.planes] == [0, 1]
+    drawn = {KINDS[kind] for kind in next(cut.views()).curves.kind}
+    assert "section" in drawn
+    turned = list(Shape(wheel, {"section": ("x:50%",), "turntable": 3, "size": (96, 96)}).views())
+    assert len(turned) == 3
+    with pytest.raises(ValueError, match=r"cart.obj: the section x:9 misses it"):
+        Shape(wheel, {"section": ("x:9",)}).view()
+    with pytest.raises(click.UsageError, match="leave out --section"):
+        Shape("v.npz", {"section": ("x:1",)})

@@ -11,7 +11,7 @@ from strokestyle.geometry.kinds import (
 
 
 def test_kinds_keep_the_numbers_that_files_hold():
-    names = "contour boundary crease suggestive ridge valley apparent intersection other"
+    names = "contour boundary crease suggestive ridge valley apparent intersection other section"
     assert names.split() == list(KINDS)
 
 

@@ -27,6 +27,8 @@ Examples:
   strokestyle extract scan.ply -o lines.svg --lines contour,valley --valley 0.2
   strokestyle extract scan.ply -o lines.svg --detail 0.5..2
   strokestyle extract part.stl -o lines.svg --hidden --lines contour,crease
+  strokestyle extract part.stl -o half.svg --view isometric --section x:50%
+  strokestyle extract bike.obj -o frame.svg --hide saddle,'front wheel'
   strokestyle extract part.stl --up z -o - | inkscape --pipe --export-filename=part.pdf"""
 )
 @click.argument("shape", type=click.Path())
@@ -42,8 +44,8 @@ Examples:
 @click.option(
     "--hidden",
     is_flag=True,
-    help="Also the hidden parts of contours, boundaries, creases and intersections, dashed, "
-    "on layers of their own.",
+    help="Also the hidden parts of contours, boundaries, creases, intersections and sections, "
+    "dashed, on layers of their own.",
 )
 @view_options
 @shape_options

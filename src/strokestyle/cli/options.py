@@ -62,6 +62,21 @@ class ViewName(click.ParamType):
         return value
 
 
+class SectionAt(click.ParamType):
+    """Where the shape is cut open: "x:12.5", "-y:50%", kept as text and checked."""
+
+    name = "AXIS:OFFSET"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        from ..mesh.planes import parse_section
+
+        try:
+            parse_section(value)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        return value
+
+
 class Kinds(click.ParamType):
     """Kinds of line: "contour,valley" or "all" -> their names."""
 
@@ -223,6 +238,16 @@ shape_options = OptionGroup(
         help="Leave out named parts of the mesh, so that what lies behind them is seen; may be "
         "given several times. A name with commas goes in double quotes. The camera stays as it is "
         "without.",
+    ),
+    click.option(
+        "--section",
+        type=SectionAt(),
+        multiple=True,
+        callback=_none_if_empty,
+        help="Cut the shape open across x, y or z of the file and draw the cut: x:12.5 in its own "
+        "units, x:50% of its extent. The side nearer to the eye is taken away; +x:50% takes what "
+        "lies towards the axis' tip, -x:50% the other. Closed bodies are solid. May be given "
+        "several times. The camera stays as it is without.",
     ),
 )
 

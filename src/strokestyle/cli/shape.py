@@ -77,19 +77,27 @@ class Shape:
 
     @functools.cached_property
     def shown(self) -> Surface:
-        """The mesh less what the options leave out of it."""
+        """The mesh less the parts that are hidden, cut open where the options ask for it."""
         from ..mesh.hide import hide_parts
+        from ..mesh.planes import parse_section
+        from ..mesh.section import cut_open
 
-        hide = self.options.get("hide")
+        surface, hide, cuts = self.surface, self.options.get("hide"), self.options.get("section")
         try:
-            return hide_parts(self.surface, hide) if hide else self.surface
+            if hide:
+                surface = hide_parts(surface, hide)
+            if cuts:
+                planes = [parse_section(text) for text in cuts]
+                with timed("cut it open"):
+                    surface = cut_open(surface, planes, self.camera().viewpoint, self.surface)
         except ValueError as error:
             raise ValueError(f"{self.path}: {error}") from None
+        return surface
 
     def camera(self) -> Camera:
         """The camera that the options ask for; with --turntable it sees the shape all round.
 
-        It is fitted to the whole mesh, whatever is left out, so that pictures lie on each other.
+        It is fitted to the whole mesh, whatever is left out or cut off: pictures lie on each other.
         """
         from ..extract.camera import DEFAULT_FOV, DEFAULT_SIZE, Camera, fit_camera
         from ..extract.turntable import fit_turntable_camera

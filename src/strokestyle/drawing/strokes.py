@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.curves import KINDS, arc_length, check_offsets
+from ..geometry.kinds import PRIORITY
 from ..geometry.parts import Parts
 
 MAX_MARGIN = 1000.0  # px
@@ -203,7 +204,7 @@ def paint_order(drawing: Drawing, layers: str = "kind") -> np.ndarray:
 
 def order_of_kinds(kind: np.ndarray, parts: Parts | None, layers: str = "kind") -> np.ndarray:
     """Sort lines of the given kinds (C,) and parts into the order of painting, as `paint_order`."""
-    rank = -kind.astype(np.int64)
+    rank = -np.array([PRIORITY.index(name) for name in KINDS])[kind]
     part = np.zeros(len(rank)) if parts is None else parts.index
     return np.lexsort((rank, part) if layers == "part" else (part, rank))
 

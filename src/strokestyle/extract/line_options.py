@@ -54,6 +54,7 @@ class LineOptions:
         "ridge",
         "valley",
         "intersection",
+        "section",
     )
     suggestive: float = 0.01
     ridge: float = 0.4

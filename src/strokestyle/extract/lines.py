@@ -16,6 +16,7 @@ from .camera import Camera
 from .chain import chain_segments
 from .line_options import LineOptions
 from .rays import Bvh
+from .section_lines import cut_curves, section_curves
 from .segments import (
     NEXT_CORNER,
     Segments,
@@ -72,6 +73,11 @@ class SurfaceLines:
 
         The second are chained where `unseen` is set; the shape hides them however one looks.
         """
+        if self.surface.section is not None:
+            left, away = (
+                cut_curves(self.surface, part) for part in self._whole.split_from(camera, unseen)
+            )
+            return SurfaceCurves.concatenate([left, self._section]), away
         surface, options = self.surface, self.options
         view = ViewFields.of(surface, camera.viewpoint)
         hard = []
@@ -95,6 +101,17 @@ class SurfaceLines:
     def bvh(self) -> Bvh:
         """What finds the faces of the surface that rays hit."""
         return Bvh(self.surface)
+
+    @cached_property
+    def _whole(self) -> SurfaceLines:
+        """The lines of the surface before it was cut open."""
+        assert self.surface.section is not None  # asked only where it was
+        return SurfaceLines(self.surface.section.whole, self.options)
+
+    @cached_property
+    def _section(self) -> SurfaceCurves:
+        """The lines along which the surface was cut open."""
+        return section_curves(self.surface) if self._wants("section") else SurfaceCurves.empty()
 
     @cached_property
     def smoothed(self) -> Surface:

@@ -2,8 +2,8 @@
 
 Lengths are in pixels of a canvas 768 px on its longer side and grow with the canvas. A line is
 *hard* where it must be drawn to understand the shape (contour, boundary, crease, intersection,
-other) and *soft* where it describes the form between those (suggestive contour, ridge, valley,
-apparent ridge).
+section, other) and *soft* where it describes the form between those (suggestive contour, ridge,
+valley, apparent ridge).
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ def tidy(
        `merge_angle` degrees, if it is soft within `merge_soft` px, or beside a contour
        `merge_contour` px and 0.4 `merge_angle`; and since suggestive contours and lines of other
        kinds tell of the same form from two sides, of these two within `merge_suggestive` px and 0.7
-       `merge_angle`. Better is, among hard lines of 8 px and more, the earlier kind in KINDS, then
-       the longer; a hard line before a soft one; among soft ones the greater length x strength. A
-       crease shorter than `long_crease` px is more often noise than form and competes as a soft
-       line, with twice its length. Of what is left, stretches shorter than 6 px go too; what would
-       go over less than 4 px stays. Lines that cross are not parallel, so they stay.
+       `merge_angle`. Better is, among hard lines of 8 px and more, the kind earlier in PRIORITY,
+       then the longer; a hard line before a soft one; among soft ones the greater length x
+       strength. A crease shorter than `long_crease` px is more often noise than form and competes
+       as a soft line, with twice its length. Of what is left, stretches shorter than 6 px go too;
+       what would go over less than 4 px stays. Lines that cross are not parallel, so they stay.
     3. **Joined**, before and after steps 2 and 4: ends at most 4 px apart at first, then `gap` px
        (`contour_gap` between contours), but not farther than the shorter piece is long. Both must
        head for each other within `angle` degrees (1.4 times that for contours), or overlap side by

@@ -77,6 +77,8 @@ def join(lines: Lines, options: TidyOptions, near: bool) -> Lines:
     good = _head_on(lines, pairs, options)
     good &= pairs.gap <= (MEETING if near else _longest_bridge(lines, pairs, options))
     good &= ~_too_short_to_close(lines, pairs)
+    section = lines.kind == KINDS.index("section")  # a cut is told apart from all other lines
+    good &= section[pairs.curve_a] == section[pairs.curve_b]
     pairs = pairs.take(good)
     pairs = pairs.take(_clear(lines, pairs))
     return _link(lines, _mates(pairs, _cost(lines, pairs, options), 2 * len(lines)))

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.curves import KINDS, counting, take_ragged
-from ..geometry.kinds import KIND_TABLE
+from ..geometry.curves import counting, take_ragged
+from ..geometry.kinds import KIND_TABLE, KINDS, PRIORITY
 from .tidy_lines import (
     CONTOUR,
     SOFT,
@@ -42,6 +42,7 @@ BATCH_PAIRS, BATCH_FLOOR = 64, 1 << 21
 ROW = 1 << 31  # cells in a row of a grid
 
 _WEIGHT = np.array([kind.weight for kind in KIND_TABLE])
+_RANK = np.array([PRIORITY.index(name) for name in KINDS])
 
 
 def merge(lines: Lines, options: TidyOptions) -> Lines:
@@ -60,7 +61,7 @@ def _ranks(lines: Lines, soft: np.ndarray) -> np.ndarray:
     """Rank the curves (C,), the best 0: long hard ones by kind, short hard ones, then soft ones."""
     length = lines.length
     score = length * np.where(soft, lines.mean_strength(), 1.0) * _WEIGHT[lines.kind]
-    group = np.where(length >= MIN_HARD, lines.kind, len(KINDS))
+    group = np.where(length >= MIN_HARD, _RANK[lines.kind], len(KINDS))
     group = np.where(soft, len(KINDS) + 1, group)
     rank = np.empty(len(lines), np.int64)
     rank[np.lexsort((np.arange(len(lines)), -score, group))] = np.arange(len(lines))

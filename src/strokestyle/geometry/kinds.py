@@ -29,8 +29,7 @@ class Kind(NamedTuple):
     prominence: float = 0.0
 
 
-# In order of priority: where two hard lines run together, the earlier kind stays. Files hold
-# indices into this table.
+# Files hold indices into this table: new kinds come last.
 KIND_TABLE = (
     Kind("contour", follows_camera=True, prominence=1.0),
     Kind("boundary", sharp=True, prominence=1.0),
@@ -41,8 +40,11 @@ KIND_TABLE = (
     Kind("apparent", soft=True, follows_camera=True, weight=0.7),
     Kind("intersection", sharp=True, prominence=0.5),
     Kind("other"),
+    Kind("section", sharp=True, weight=2.0, prominence=1.0),
 )
 KINDS = tuple(kind.name for kind in KIND_TABLE)
+# Where two hard lines run together, the earlier kind stays; it is painted over the later ones.
+PRIORITY = ("section", *(name for name in KINDS if name != "section"))
 SURFACE_KINDS = tuple(name for name in KINDS if name != "other")  # those found on a surface
 SOFT_KINDS = tuple(kind.name for kind in KIND_TABLE if kind.soft)
 SHARP_KINDS = tuple(kind.name for kind in KIND_TABLE if kind.sharp)

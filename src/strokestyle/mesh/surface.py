@@ -10,6 +10,7 @@ import numpy as np
 
 from .connectivity import Connectivity
 from .curvature import differential_geometry
+from .planes import Plane
 from .read import read_mesh
 from .repair import (
     centre_and_scale,
@@ -51,6 +52,8 @@ class Surface:
         of the first
     polygon : (F,) int, which polygon of the file each face was cut from; by default each is one
     weld : (V,) int, the first vertex at each vertex's place; by default no two lie at one
+    turned : (F,) bool, faces that the file winds the other way round; by default none
+    section : where a surface comes from that was cut open, its box no longer the frame's
     connectivity : what follows from vertices, faces and weld, where it is known already
 
     Raises
@@ -74,6 +77,8 @@ class Surface:
     part_names: tuple[str, ...] = ("",)
     polygon: np.ndarray = field(default_factory=_nothing)
     weld: np.ndarray = field(default_factory=_nothing)
+    turned: np.ndarray = field(default_factory=_nothing)
+    section: Section | None = field(default=None, compare=False, repr=False)
     # None only until __post_init__ has made one
     connectivity: Connectivity = field(  # type: ignore[assignment]
         default=None, compare=False, repr=False
@@ -87,6 +92,7 @@ class Surface:
             "part": _checked_part(self.part, len(faces), len(self.part_names)),
             "polygon": _checked_polygon(self.polygon, len(faces)),
             "weld": _checked_weld(self.weld, count),
+            "turned": _checked_turned(self.turned, len(faces)),
         }
         for name, value in {**integers, **self._checked_fields(count)}.items():
             value.setflags(write=False)
@@ -208,12 +214,54 @@ class Surface:
             part=self.part[keep],
             polygon=self.polygon[keep],
             weld=first[place],
+            turned=self.turned[keep],
+            connectivity=None,  # type: ignore[arg-type]
+        )
+
+    def turned_over(self, faces: np.ndarray) -> Surface:
+        """Turn over whole components, faces of a mask (F,): inside out, with all that is measured.
+
+        Vertices stay; those of `faces` must be used by no others.
+        """
+        vertex = np.zeros(len(self.vertices), bool)
+        vertex[self.faces[faces]] = True
+        sign = np.where(vertex, -1.0, 1.0)
+        return replace(
+            self,
+            faces=np.where(faces[:, None], self.faces[:, ::-1], self.faces),
+            normals=sign[:, None] * self.normals,
+            k1=sign * self.k1,
+            k2=sign * self.k2,
+            pdir2=sign[:, None] * self.pdir2,
+            # v is turned as well, so that entries with an odd number of it stay
+            dcurv=np.where(vertex[:, None], [-1.0, 1.0, -1.0, 1.0], 1.0) * self.dcurv,
+            turned=self.turned ^ faces,
             connectivity=None,  # type: ignore[arg-type]
         )
 
     def original(self, points: np.ndarray) -> np.ndarray:
         """Bring points (N, 3) of this surface into the coordinates of the file it came from."""
         return np.asarray(points, np.float64) * self.scale + self.centre
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Where a surface that is left of a whole one comes from.
+
+    Parameters
+    ----------
+    whole : the surface before the cut
+    planes : that cut it
+    source : (F,) int, the face of the whole that each face is a piece of; -1 on caps
+    origin : (V,) int, the vertex of the whole that each vertex is; -1 for new ones
+    rim : (M,) int, the edges of what is left along which it was cut
+    """
+
+    whole: Surface
+    planes: tuple[Plane, ...]
+    source: np.ndarray
+    origin: np.ndarray
+    rim: np.ndarray
 
 
 def _checked_faces(faces: np.ndarray, vertices: int) -> np.ndarray:
@@ -238,6 +286,11 @@ def _checked_part(part: np.ndarray, faces: int, names: int) -> np.ndarray:
 def _checked_polygon(polygon: np.ndarray, faces: int) -> np.ndarray:
     polygon = polygon if np.size(polygon) else np.arange(faces)
     return _one_per_face("Surface.polygon", polygon, faces)
+
+
+def _checked_turned(turned: np.ndarray, faces: int) -> np.ndarray:
+    turned = turned if np.size(turned) else np.zeros(faces, bool)
+    return _one_per_face("Surface.turned", turned, faces).astype(bool)
 
 
 def _checked_weld(weld: np.ndarray, vertices: int) -> np.ndarray:
@@ -343,6 +396,7 @@ def make_surface(
         part_names=part_names,
         polygon=polygon[kept],
         weld=weld,
+        turned=turn,
         connectivity=Connectivity(vertices, faces, weld, edges, polygon[kept]),
     )
 
