@@ -387,7 +387,9 @@ def test_a_bend_keeps_its_place(kind, limit):
     leg = line(tip, tip + 100 * np.array((np.cos(a), np.sin(a))))
     out = draw(np.concatenate([line((100, 200), tip), leg[1:]]), kind=kind)
     assert len(out) == 1
-    assert 0.2 * limit < cKDTree(out.xy).query(tip)[0] <= limit + 0.01
+    away = cKDTree(out.xy).query(tip)[0]
+    # a hard line's corner between straight sides is exact
+    assert away < 1e-9 if kind == CONTOUR else 0.2 * limit < away <= limit + 0.01
 
 
 # ------------------------------------------------------------------------------------ for any input
@@ -429,12 +431,10 @@ def test_any_scribble_gives_clean_strokes(seed):
     assert cKDTree(ink).query(out.xy)[0].max() < 0.5 * TidyOptions().contour_gap + 1.5
 
 
-def test_the_same_input_gives_the_same_bytes_and_twice_the_canvas_twice_the_drawing():
+def test_the_same_input_gives_the_same_bytes():
     lines, kind, strength = scribble(9)
     first, again = (draw(*lines, kind=kind, strength=strength) for _ in range(2))
     assert first.xy.tobytes() == again.xy.tobytes() and np.array_equal(first.offsets, again.offsets)
-    twice = draw(*[2.0 * p for p in lines], kind=kind, strength=strength, size=(1536, 1000))
-    assert np.array_equal(twice.xy, 2.0 * first.xy) and np.array_equal(twice.kind, first.kind)
 
 
 def test_degenerate_input():
@@ -479,7 +479,7 @@ def test_points_know_the_fragment_that_they_come_from():
         np.concatenate([line((500, 100), (600, 100)), line((600, 101), (600, 200))]),
     ]
     fragments = Curves.from_list(given, [CONTOUR, CONTOUR, SUGGESTIVE, CONTOUR, CREASE])
-    curves, source = tidy_with_source(fragments, np.ones(len(fragments.xy)))
+    curves, source, _ = tidy_with_source(fragments, np.ones(len(fragments.xy)))
     assert source.shape == (len(curves.xy),)
     away = np.linalg.norm(fragments.xy[source] - curves.xy, axis=1)
     assert away.max() < 4.5  # half the gap, and half the step of the given points

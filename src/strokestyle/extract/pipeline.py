@@ -82,12 +82,12 @@ class _Tidied(NamedTuple):
 
 
 def _tidied(surface: Surface, camera: Camera, fragments: Fragments, spacing: float) -> _Tidied:
-    """Tidy fragments, space their points evenly, and tell the faces that these belong to."""
+    """Tidy fragments, space their points evenly between corners, and tell their faces."""
     size = (camera.width, camera.height)
-    strokes, of_fragment = tidy_with_source(fragments.curves, fragments.strength, size)
-    curves, of_stroke = resample_with_source(strokes, spacing)
-    faces = faces_of(surface, curves, fragments, of_fragment[of_stroke])
-    return _Tidied(strokes, curves, faces)
+    strokes = tidy_with_source(fragments.curves, fragments.strength, size)
+    curves, of_stroke = resample_with_source(strokes.curves, spacing, strokes.corner)
+    faces = faces_of(surface, curves, fragments, strokes.source[of_stroke])
+    return _Tidied(strokes.curves, curves, faces)
 
 
 def _hidden_fragments(found: SampledLines, unseen: SampledLines) -> Fragments:

@@ -8,6 +8,8 @@ valley, apparent ridge).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -16,11 +18,13 @@ from .tidy_drop import drop
 from .tidy_join import join
 from .tidy_lines import STEP, TidyOptions, chords, evenly, flip_short
 from .tidy_merge import MIN_REMAIN, merge
+from .tidy_nodes import find_nodes, turns_at
 from .tidy_split import smooth, split, trim_hooks
 
-__all__ = ["TidyOptions", "subtract_parallel", "tidy", "tidy_with_source"]
+__all__ = ["Strokes", "TidyOptions", "subtract_parallel", "tidy", "tidy_with_source"]
 
 REFERENCE = 768.0  # px, the longer side of the canvas on which all lengths here are stated
+STRAIGHT_ON = 0.2  # degrees; a stroke that turns by less at a node runs on through it
 HAIRPIN = 110.0  # degrees: a line that turns back on itself is two lines
 
 
@@ -32,6 +36,9 @@ def tidy(
 ) -> Curves:
     """Make the strokes that an illustrator would start from, of visible pieces of feature lines.
 
+    0. **Nodes** are found: where a hard line ends on another, as the edges of a solid do at its
+       corners, and where one turns at once between straight sides. They stay where they are, and
+       lines end at them or pass through them exactly.
     1. **Cut** where a line turns back on itself (110 degrees within 6 px), as contours do at cusps.
     2. **Merged**: the part of a curve that runs beside a better one goes: within `merge` px and
        `merge_angle` degrees, if it is soft within `merge_soft` px, or beside a contour
@@ -41,7 +48,9 @@ def tidy(
        then the longer; a hard line before a soft one; among soft ones the greater length x
        strength. A crease shorter than `long_crease` px is more often noise than form and competes
        as a soft line, with twice its length. Of what is left, stretches shorter than 6 px go too;
-       what would go over less than 4 px stays. Lines that cross are not parallel, so they stay.
+       what would go over less than 4 px stays. Lines that cross are not parallel, so they stay. A
+       hard line that comes up to a better one, or leaves it, goes on for up to 30 px until the two
+       touch, or to the node where it ends.
     3. **Joined**, before and after steps 2 and 4: ends at most 4 px apart at first, then `gap` px
        (`contour_gap` between contours), but not farther than the shorter piece is long. Both must
        head for each other within `angle` degrees (1.4 times that for contours), or overlap side by
@@ -56,11 +65,11 @@ def tidy(
        swarms. Anything shorter than `speck` px.
     5. **Split** at corners of more than `corner` degrees within 6 px either side that are no
        zig-zag (0.75 times that over 12 px), 11 px or more from the ends and from each other. What
-       turns as much within the last 8 px is a hook, and goes. A closed curve with no corner starts
-       at its topmost point (the leftmost of these); one with corners starts and ends at one and is
-       open.
+       turns as much within the last 8 px is a hook, and goes, unless it ends at a node. A closed
+       curve with no corner starts at its topmost point (the leftmost of these); one with corners
+       starts and ends at one and is open.
     6. **Smoothed** along the stroke, by no more than `smooth` px, soft lines `smooth_soft` px; ends
-       stay.
+       and nodes stay.
 
     Parameters
     ----------
@@ -78,7 +87,23 @@ def tidy(
     ValueError
         where `strength` does not fit the fragments, or the canvas has no size.
     """
-    return tidy_with_source(fragments, strength, size, options)[0]
+    return tidy_with_source(fragments, strength, size, options).curves
+
+
+class Strokes(NamedTuple):
+    """Curves of `tidy`, and of each of their M points what it comes from.
+
+    Parameters
+    ----------
+    curves : C curves
+    source : (M,) int, the row of the given points that it comes from: a point of a bridge from the
+        end that is nearest, a smoothed one from where it was
+    corner : (M,) bool, whether the stroke turns there at a node, and must pass it exactly
+    """
+
+    curves: Curves
+    source: np.ndarray
+    corner: np.ndarray
 
 
 def tidy_with_source(
@@ -86,11 +111,8 @@ def tidy_with_source(
     strength: np.ndarray,
     size: tuple[int, int] = (768, 768),
     options: TidyOptions | None = None,
-) -> tuple[Curves, np.ndarray]:
-    """Tidy as `tidy` does, and say which given point each point (M,) of the result comes from.
-
-    A point of a bridge comes from the end that is nearest, a smoothed one from where it was.
-    """
+) -> Strokes:
+    """Tidy as `tidy` does, and say where each point of the result comes from."""
     options = options or TidyOptions()
     strength = np.asarray(strength, np.float64)
     if strength.shape != (len(fragments.xy),) or not np.isfinite(strength).all():
@@ -101,7 +123,7 @@ def tidy_with_source(
     if min(size) <= 0:
         raise ValueError(f"the canvas must have a size, got {size[0]} x {size[1]}")
     scale = max(size) / REFERENCE
-    lines = evenly(fragments, scale, strength)
+    lines = evenly(fragments, scale, strength, find_nodes(fragments))
     lines = split(lines, HAIRPIN, reach=3, apart=2, steady=False)
     lines = join(lines, options, near=True)
     lines = merge(lines, options)
@@ -116,7 +138,8 @@ def tidy_with_source(
     lines = smooth(lines, options)
     order = np.lexsort((-lines.length, lines.kind))
     lines = lines.take(order)
-    return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed), lines.source
+    curves = Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed)
+    return Strokes(curves, lines.source, lines.node & (turns_at(curves) > STRAIGHT_ON))
 
 
 def subtract_parallel(
@@ -134,7 +157,7 @@ def subtract_parallel(
     scale, options = max(size) / REFERENCE, TidyOptions()
     if not len(curves) or not len(others):
         return curves, np.arange(len(curves.xy))
-    lines, drawn = (evenly(c, scale, np.ones(len(c.xy))) for c in (curves, others))
+    lines, drawn = (evenly(c, scale, np.ones(len(c.xy)), find_nodes(c)) for c in (curves, others))
     if len(lines) and len(drawn):
         distance, nearest = cKDTree(drawn.xy).query(lines.xy, distance_upper_bound=options.merge)
         near = distance < np.inf

@@ -196,8 +196,8 @@ def _link(lines: Lines, mate: np.ndarray) -> Lines:
     linked = (mate[::2] >= 0) | (mate[1::2] >= 0)
     if not linked.any():
         return lines
-    single, length = lines.take(~linked), lines.length
-    rows, kind, closed = [], list(single.kind), list(single.closed)
+    length = lines.length
+    rows, kind, closed = [], [], []
     for ends, ring in _chains(mate, linked):
         parts = [np.arange(lines.offsets[e // 2], lines.offsets[e // 2 + 1]) for e in ends]
         parts = [part[::-1] if e % 2 else part for part, e in zip(parts, ends, strict=True)]
@@ -206,16 +206,9 @@ def _link(lines: Lines, mate: np.ndarray) -> Lines:
         curves = np.array(ends) // 2
         kind.append(_joined_kind(lines.kind[curves], length[curves]))
         closed.append(ring)
-    offsets = np.r_[single.offsets, single.offsets[-1] + np.cumsum([len(row) for row in rows])]
-    row = np.concatenate(rows)
-    return even(
-        np.concatenate([single.xy, lines.xy[row]]),
-        np.concatenate([single.strength, lines.strength[row]]),
-        np.concatenate([single.source, lines.source[row]]),
-        offsets,
-        np.array(kind),
-        np.array(closed),
-    )
+    offsets = np.r_[0, np.cumsum([len(row) for row in rows])]
+    linked_up = lines.made_of(np.concatenate(rows), offsets, np.array(kind), np.array(closed))
+    return even(Lines.concatenate(lines.take(~linked), linked_up))
 
 
 def _chains(mate: np.ndarray, linked: np.ndarray) -> Iterator[tuple[list[int], bool]]:

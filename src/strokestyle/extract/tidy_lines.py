@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..geometry.curves import KINDS, Curves, arc_length, owner, resample, runs, 
 from ..geometry.kinds import KIND_TABLE
 
 STEP = 1.0  # px between points while at work, and in the result
+REPEATED = 1e-6  # px; nearer points are one
 CHORD_REACH = 4  # points before and behind, over which a direction is measured
 
 SOFT = np.array([kind.soft for kind in KIND_TABLE])
@@ -79,6 +80,7 @@ class Lines:
     xy : (N, 2), px on a canvas of REFERENCE px
     strength : (N,) in 0..1
     source : (N,) int, the row of the given points that a point comes from, or the nearest to it
+    node : (N,) bool, points that stay where they are, as `find_nodes` has it
     offsets : (C+1,) int
     kind, closed : (C,)
     """
@@ -86,6 +88,7 @@ class Lines:
     xy: np.ndarray
     strength: np.ndarray
     source: np.ndarray
+    node: np.ndarray
     offsets: np.ndarray
     kind: np.ndarray
     closed: np.ndarray
@@ -125,7 +128,18 @@ class Lines:
         self, rows: np.ndarray, offsets: np.ndarray, kind: np.ndarray, closed: np.ndarray
     ) -> Lines:
         """Make curves of the points at `rows` (M,)."""
-        return Lines(self.xy[rows], self.strength[rows], self.source[rows], offsets, kind, closed)
+        xy, strength = self.xy[rows], self.strength[rows]
+        return Lines(xy, strength, self.source[rows], self.node[rows], offsets, kind, closed)
+
+    @classmethod
+    def concatenate(cls, *parts: Lines) -> Lines:
+        """Put lines one after the other."""
+        joined = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ("xy", "strength", "source", "node", "kind", "closed")
+        }
+        count = np.concatenate([np.diff(part.offsets) for part in parts])
+        return cls(offsets=np.r_[0, np.cumsum(count)], **joined)
 
     def take(self, index: np.ndarray) -> Lines:
         """Select the curves of an index or mask over C, in that order."""
@@ -147,27 +161,40 @@ class Lines:
         return self.made_of(np.flatnonzero(good[run]), offsets, self.kind[of[good]], closed)
 
 
-def even(
-    xy: np.ndarray,
-    strength: np.ndarray,
-    source: np.ndarray,
-    offsets: np.ndarray,
-    kind: np.ndarray,
-    closed: np.ndarray,
-) -> Lines:
-    """Space points every STEP px; curves of no length are left out."""
-    row = np.arange(len(xy), dtype=np.float64)
-    xy, offsets, (strength, row) = resample(xy, offsets, STEP, strength, row)
-    strength, source = np.clip(strength, 0.0, 1.0), source[np.rint(row).astype(np.int64)]
-    lines = Lines(xy, strength, source, offsets, np.asarray(kind), np.asarray(closed, bool))
-    return lines.take(lines.length > 1e-6) if len(lines) else lines
+def even(lines: Lines) -> Lines:
+    """Space points every STEP px between nodes; curves of no length are left out."""
+    lines = _without_repeats(lines)
+    row = np.arange(len(lines.xy), dtype=np.float64)
+    xy, offsets, (strength, row) = resample(
+        lines.xy, lines.offsets, STEP, lines.strength, row, keep=lines.node
+    )
+    nearest = np.rint(row).astype(np.int64)
+    node = lines.node[nearest] & (np.abs(row - nearest) < 1e-6)
+    strength = np.clip(strength, 0.0, 1.0)
+    return Lines(xy, strength, lines.source[nearest], node, offsets, lines.kind, lines.closed)
 
 
-def evenly(curves: Curves, scale: float, strength: np.ndarray) -> Lines:
-    """Bring curves to a canvas of REFERENCE px; their points are their own source."""
+def _without_repeats(lines: Lines) -> Lines:
+    """Leave out points that repeat the one before, and curves of which but one is left."""
+    new = np.ones(len(lines.xy), bool)
+    new[1:] = np.linalg.norm(np.diff(lines.xy, axis=0), axis=1) > REPEATED
+    new[lines.first] = True
+    kept = np.flatnonzero(new)
+    node = np.bincount(np.cumsum(new) - 1, lines.node, len(kept)) > 0
+    of, count = lines.of[kept], np.bincount(lines.of[kept], minlength=len(lines))
+    long = count >= 2
+    kept, node = kept[long[of]], node[long[of]]
+    offsets = np.r_[0, np.cumsum(count[long])]
+    return replace(lines.made_of(kept, offsets, lines.kind[long], lines.closed[long]), node=node)
+
+
+def evenly(curves: Curves, scale: float, strength: np.ndarray, node: np.ndarray) -> Lines:
+    """Bring curves to a canvas `scale` times smaller; their points are their own source."""
     source = np.arange(len(curves.xy))
-    xy = curves.xy / scale
-    return even(xy, strength, source, curves.offsets, curves.kind, curves.closed)
+    strength = np.asarray(strength, np.float64)
+    return even(
+        Lines(curves.xy / scale, strength, source, node, curves.offsets, curves.kind, curves.closed)
+    )
 
 
 def flag_runs(

@@ -34,6 +34,9 @@ MIN_HARD = 8.0  # px; shorter hard lines do not compete by their kind
 FAR_ANGLE, SAME_FORM_ANGLE = 0.4, 0.7  # x merge_angle, beyond merge_soft px
 MAX_HOLE, MAX_NICK, MIN_REMAIN = 3.0, 4.0, 6.0  # px; shorter gaps, cuts and remains are undone
 MERGE_ROUNDS = 32
+# Where a line comes up to a better one: how far it may go on beside it, px; nearer than so many px
+# the two touch; and where it ends there, x merge that they are apart on the way, on average
+MAX_REACH, TOUCH, WEDGE = 30, 0.75, 0.2
 
 CELL = 4.0  # px, of the grids in which points are sought
 CHUNK = 1 << 18  # pairs of points that are looked at in one go
@@ -201,6 +204,31 @@ class _Kept:
                     beside = contest.beside(better, worse)
                     yield better[beside], worse[beside]
 
+    def gap(self, rows: np.ndarray) -> np.ndarray:
+        """Measure how far points (M,) are from better curves, (M,) px; inf beyond `merge` px."""
+        contest, lines = self.contest, self.contest.lines
+        reach = contest.options.merge
+        gap = np.full(len(lines.xy), np.inf)
+        for grid in (grid for grids in self.grids for grid in grids):
+            for better, worse in grid.near(lines.xy, rows, reach + STEP):
+                good = lines.of[better] < lines.of[worse]
+                better, worse = better[good], worse[good]
+                for side in (-1, 1):
+                    other = np.clip(better + side, lines.first[lines.of[better]], None)
+                    other = np.minimum(other, lines.last[lines.of[better]])
+                    away = _to_segment(lines.xy[worse], lines.xy[better], lines.xy[other])
+                    np.minimum.at(gap, worse, away)
+        gap = gap[rows]
+        return np.where(gap <= reach, gap, np.inf)
+
+
+def _to_segment(xy: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Measure how far points (P, 2) are from segments a to b (P, 2), (P,)."""
+    along, off = b - a, xy - a
+    t = _row_dot(off, along) / np.maximum(_row_dot(along, along), 1e-12)
+    off = off - np.clip(t, 0.0, 1.0)[:, None] * along
+    return np.hypot(off[:, 0], off[:, 1])
+
 
 def _settle(contest: _Contest) -> np.ndarray:
     """Tell which points go, (N,) bool."""
@@ -221,6 +249,7 @@ def _settle(contest: _Contest) -> np.ndarray:
         gone[batch] = _beaten(contest, first, last, gone[batch])
         kept.add(rows[~gone[rows]])
         first, most = last, 2 * (last - first)
+    gone[_reaching(kept, gone)] = False
     return gone
 
 
@@ -271,6 +300,53 @@ def _beaten(contest: _Contest, first: int, last: int, gone: np.ndarray) -> np.nd
             break
         before = gone
     return gone
+
+
+def _reaching(kept: _Kept, gone: np.ndarray) -> np.ndarray:
+    """Find the rows (R,) that are `gone` (N,), and by which hard curves reach what is better.
+
+    A curve that comes up to a better one at a small angle would end MERGE px short of it. It goes
+    on until the two touch, or where it ends there, until its end: that is where edges of a solid
+    meet, and where one goes out of sight behind the other.
+    """
+    contest, lines = kept.contest, kept.contest.lines
+    here, stop = np.arange(len(gone)), len(gone) - 1
+    hard = contest.asks[lines.of] == 0
+    back = []
+    for step in (-1, 1):
+        ahead = np.clip(here + step, 0, stop)
+        leaves = hard & ~gone & gone[ahead] & (lines.of[ahead] == lines.of)
+        way = here[leaves][:, None] + step * np.arange(1, MAX_REACH + 2)
+        inside = (way >= 0) & (way <= stop)
+        way = np.clip(way, 0, stop)
+        inside &= lines.of[way] == lines.of[leaves][:, None]
+        beside = np.logical_and.accumulate(inside & gone[way], axis=1)
+        gap = np.full(len(gone), np.inf)
+        rows = np.unique(way[beside])
+        gap[rows] = kept.gap(rows)
+        back.append(way[_on_the_way(gap[way], beside, inside, contest.options.merge)])
+    return np.unique(np.concatenate(back))
+
+
+def _on_the_way(
+    gap: np.ndarray, beside: np.ndarray, inside: np.ndarray, merge: float
+) -> np.ndarray:
+    """Tell which points on the way to a better curve stay, (B, n) bool.
+
+    Parameters
+    ----------
+    gap : (B, n) px from each point to the better curve
+    beside : (B, n) bool, those that go: the first of each row
+    inside : (B, n) bool, those that are points of the curve at all
+    """
+    rows, count = np.arange(len(gap)), beside.sum(axis=1)
+    at_end = (count < gap.shape[1]) & ~inside[rows, np.minimum(count, gap.shape[1] - 1)]
+    mean = np.where(beside, np.minimum(gap, merge), 0.0).sum(axis=1) / np.maximum(count, 1)
+    closes = at_end & (gap[rows, count - 1] <= TOUCH) & (mean >= WEDGE * merge)
+    touching = beside & (gap <= TOUCH)
+    until = np.where(touching.any(axis=1), touching.argmax(axis=1) + 1, 0)
+    until = np.where(closes, count, until)
+    return np.arange(gap.shape[1]) < until[:, None]
 
 
 def _for_good(gone: np.ndarray, offsets: np.ndarray) -> np.ndarray:

@@ -49,7 +49,8 @@ def _corners(lines: Lines, turn: np.ndarray, corner: float, apart: int) -> np.nd
     turn[lines.last[lines.closed]] = 0.0  # the same point as the first
     cut = np.zeros(len(lines.xy), bool)
     sharp = np.flatnonzero(turn > corner)
-    for i in sharp[np.lexsort((sharp, -turn[sharp]))]:  # the sharpest of each corner's points
+    # the node of each corner, or the sharpest of its points
+    for i in sharp[np.lexsort((sharp, -turn[sharp], ~lines.node[sharp]))]:
         if lines.closed[of[i]]:
             around = np.arange(along[i] - apart + 1, along[i] + apart) % count[i]
             cut[i] = not cut[lines.first[of[i]] + around].any()
@@ -84,6 +85,7 @@ def trim_hooks(lines: Lines, corner: float) -> Lines:
     keep = np.ones(len(lines.xy), bool)
     for tip, inward in ((lines.first[long], 1), (lines.last[long], -1)):
         cut = _hook_lengths(lines.xy, tip, inward, corner)
+        cut[lines.node[tip]] = 0  # it ends where others do
         for k in range(int(cut.max(initial=0))):
             keep[tip[cut > k] + inward * k] = False
     return lines if keep.all() else lines.stretches(keep)
@@ -124,11 +126,12 @@ def _turns(lines: Lines, reach: int) -> np.ndarray:
 
 
 def smooth(lines: Lines, options: TidyOptions) -> Lines:
-    """Average mesh zig-zag away along curves by a Gaussian; moves are limited, ends stay."""
+    """Average mesh zig-zag away along curves by a Gaussian of limited moves; ends, nodes stay."""
     if not len(lines):
         return lines
     soft = SOFT[lines.kind][lines.of]
     before, after, fixed = _neighbours(lines)
+    fixed |= lines.node
     xy = lines.xy
     for i in range(SMOOTH_ROUNDS_SOFT):
         moves = ~fixed & (soft | (i < SMOOTH_ROUNDS))

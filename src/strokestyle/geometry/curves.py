@@ -222,11 +222,16 @@ def tangents(xy: np.ndarray, offsets: np.ndarray, closed: np.ndarray | None = No
 
 
 def resample(
-    xy: np.ndarray, offsets: np.ndarray, spacing: float, *fields: np.ndarray
+    xy: np.ndarray,
+    offsets: np.ndarray,
+    spacing: float,
+    *fields: np.ndarray,
+    keep: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Space points evenly on every polyline; both end points are kept.
 
-    The step of each curve is the one nearest `spacing` that divides its length.
+    The step of each curve is the one nearest `spacing` that divides its length, or the length
+    between points that are kept.
 
     Parameters
     ----------
@@ -234,6 +239,7 @@ def resample(
     offsets : (C+1,) int
     spacing : float, in units of xy
     *fields : (N,) or (N, k) float, carried along linearly
+    keep : (N,) bool, points that are kept besides the ends; none of them repeats its neighbour
 
     Returns
     -------
@@ -241,6 +247,13 @@ def resample(
     """
     if not len(xy):
         return xy, offsets, list(fields)
+    if keep is not None and keep.any():
+        rows, pieces, first_of = _pieces(keep, offsets)
+        xy, pieces, carried = resample(xy[rows], pieces, spacing, *[f[rows] for f in fields])
+        once = np.ones(len(xy), bool)  # a kept point ends one piece and starts the next
+        once[np.delete(pieces[:-1], first_of)] = False
+        offsets = np.r_[0, np.cumsum(np.add.reduceat(once, pieces[:-1][first_of], dtype=int))]
+        return xy[once], offsets, [field[once] for field in carried]
     along = arc_length(xy, offsets)
     length = along[offsets[1:] - 1]
     count = np.maximum(np.rint(length / spacing).astype(np.int64), 1) + 1
@@ -261,16 +274,36 @@ def resample(
     return out, new, [carry(field) for field in fields]
 
 
+def _pieces(keep: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cut polylines at the points to keep (N,), which belong to both sides.
+
+    Returns rows (M,) int of the points, offsets of the pieces, and the first piece of each curve.
+    """
+    inner = keep.copy()
+    inner[offsets[:-1]] = inner[offsets[1:] - 1] = False
+    rows = np.repeat(np.arange(len(keep)), 1 + inner)
+    starts = np.r_[True, rows[1:] == rows[:-1]]
+    of_curve = offsets[:-1] + np.cumsum(np.r_[0, inner])[offsets[:-1]]
+    starts[of_curve] = True
+    pieces = np.flatnonzero(np.r_[starts, True])
+    return rows, pieces, np.searchsorted(pieces, of_curve)
+
+
 def resample_curves(curves: Curves, spacing: float) -> Curves:
     """Space points evenly on curves, about `spacing` px apart; both end points are kept."""
     return resample_with_source(curves, spacing)[0]
 
 
-def resample_with_source(curves: Curves, spacing: float) -> tuple[Curves, np.ndarray]:
+def resample_with_source(
+    curves: Curves, spacing: float, keep: np.ndarray | None = None
+) -> tuple[Curves, np.ndarray]:
     """Resample as `resample_curves` does, and say which row of `curves` is nearest to each point
-    (M,)."""
+    (M,).
+
+    `keep` : (N,) bool, points that are kept besides the ends.
+    """
     row = np.arange(len(curves.xy), dtype=np.float64)
-    xy, offsets, (row,) = resample(curves.xy, curves.offsets, spacing, row)
+    xy, offsets, (row,) = resample(curves.xy, curves.offsets, spacing, row, keep=keep)
     return Curves(xy, offsets, curves.kind, curves.closed), np.rint(row).astype(np.int64)
 
 
