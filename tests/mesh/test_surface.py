@@ -552,8 +552,8 @@ BAD = [
     ("bad.ply", "ply\nformat ascii 1.0\nelement vertex 3\n", "bad.ply"),
     ("notes.txt", "hi", "not a mesh format"),
     ("suffixless", "hi", "no suffix"),
-    ("shape.blend", b"BLENDER", "not a mesh format; use obj"),
-    ("part.step", "ISO-10303-21;", "pip install cascadio"),
+    ("shape.blend", b"BLENDER", "File > Export > glTF 2.0"),
+    ("part.step", "ISO-10303-21;", "part.step"),
 ]
 
 

@@ -46,7 +46,7 @@ def main() -> None:
     strokestyle edit out.svg -o new.svg --wiggle 3,40 change the drawing
     strokestyle view out.svg -o page.html             look at it and play with it
 
-    A shape is any mesh that trimesh reads (obj, ply, stl, off, glb, ...), or a view saved by
+    A shape is a mesh (obj, ply, stl, off, glb, 3mf, dae, step, ...), or a view saved by
     extract (.npz).
     """
 

@@ -32,6 +32,7 @@ class GltfFile:
     Parameters
     ----------
     path : .gltf or .glb; which of the two the first bytes tell
+    data : its bytes, where they are known already
 
     Raises
     ------
@@ -41,9 +42,9 @@ class GltfFile:
         where it is damaged; NotSupported where it is of glTF 1.0
     """
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, data: bytes | None = None):
         self.path = path
-        text, self._chunk = _chunks(memoryview(path.read_bytes()))
+        text, self._chunk = _chunks(memoryview(path.read_bytes() if data is None else data))
         try:
             content = json.loads(bytes(text).decode("utf-8-sig"))
         except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import logging
+import os
+import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+
+import numpy as np
 
 
 class MeshWarning(UserWarning):
@@ -39,3 +44,37 @@ def naming(path: str | Path) -> Iterator[None]:
         if issubclass(category, MeshWarning) and not text.startswith(str(path)):
             text = f"{path}: {text}"
         warnings.warn(text, category, stacklevel=4)
+
+
+@contextlib.contextmanager
+def silence() -> Iterator[None]:
+    """Keep what another library logs, warns of or prints from the terminal, C code's prints too.
+
+    Only our own MeshWarnings pass.
+    """
+    logged = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"), _nowhere():
+            warnings.simplefilter("ignore")
+            warnings.simplefilter("default", MeshWarning)
+            yield
+    finally:
+        logging.disable(logged)
+
+
+@contextlib.contextmanager
+def _nowhere() -> Iterator[None]:
+    """Send what is printed nowhere: by Python, and by C code, which writes to files 1 and 2."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(Exception):  # closed, or no stream
+            stream.flush()
+    with open(os.devnull, "w") as null, contextlib.ExitStack() as later:
+        for number in (1, 2):
+            with contextlib.suppress(OSError):  # closed
+                before = os.dup(number)
+                later.callback(os.close, before)
+                later.callback(os.dup2, before, number)
+                os.dup2(null.fileno(), number)
+        with contextlib.redirect_stdout(null), contextlib.redirect_stderr(null):
+            yield

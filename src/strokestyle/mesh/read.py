@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from .archive import unpacked
 from .messages import NotSupported, naming
 from .read_3mf import read_3mf
 from .read_dae import read_dae
@@ -11,7 +12,9 @@ from .read_gltf import read_gltf
 from .read_obj import read_obj
 from .read_off import read_off
 from .read_ply import read_ply
+from .read_step import read_step
 from .read_stl import read_stl
+from .read_with_meshio import FORMATS, read_with_meshio
 from .read_with_trimesh import one_line, read_with_trimesh
 from .triangles import Triangles
 
@@ -20,6 +23,8 @@ READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_st
 # formats of several files, or with some beside them: their readers are given the path
 SCENES = {".gltf": read_gltf, ".glb": read_gltf, ".vrm": read_gltf, ".3mf": read_3mf}
 SCENES |= {".dae": read_dae, ".zae": read_dae}
+SCENES |= dict.fromkeys((".step", ".stp", ".iges", ".igs"), read_step)
+SCENES |= dict.fromkeys(FORMATS, read_with_meshio)
 
 
 def read_mesh(path: str | Path) -> Triangles:
@@ -61,9 +66,12 @@ def read_mesh(path: str | Path) -> Triangles:
 def _read(path: Path) -> Triangles:
     """What is in a file, with or without faces."""
     suffix = path.suffix.lower()
-    if suffix not in READERS and suffix not in SCENES:
+    if suffix not in READERS and suffix not in SCENES and suffix != ".zip":
         return read_with_trimesh(path)
     try:
+        if suffix == ".zip":
+            with unpacked(path, {*READERS, *SCENES}) as inner:
+                return _read(inner)
         if suffix in SCENES:
             return SCENES[suffix](path)
         return READERS[suffix](path.read_bytes())

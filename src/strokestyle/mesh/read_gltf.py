@@ -29,11 +29,14 @@ _KNOWN = re.compile(
     r"|CESIUM_(RTC|primitive_outline)|VRMC?_?|KHR_physics|OMI_|FB_(ngon_encoding|geometry_metadata)"
 )
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-# what trimesh, which names all that it writes, calls a mesh that had no name
-_MADE_UP = {"https://github.com/mikedh/trimesh": r"(geometry|GLTF)(_\d+)?"}
+# what writers that name all that they write call what had no name, by the names of the writers
+_MADE_UP = {
+    "https://github.com/mikedh/trimesh": r"(geometry|GLTF)(_\d+)?",
+    "Open CASCADE": r"Open CASCADE STEP translator .*|SOLID|SHELL|COMPOUND|\d+",
+}
 
 
-def read_gltf(path: Path) -> Triangles:
+def read_gltf(path: Path, data: bytes | None = None) -> Triangles:
     """Read the meshes of a glTF 2.0 file's scene, as they stand in the file's own pose.
 
     The default scene; else the first; else all nodes. Every mesh is placed by its nodes (3.5.2), by
@@ -45,6 +48,8 @@ def read_gltf(path: Path) -> Triangles:
     Parts are nodes by their names, meshes', or those of nodes over them; where fewer than two have
     a name, materials.
 
+    `data` : the file's bytes, where they are known already
+
     Raises
     ------
     OSError
@@ -54,7 +59,7 @@ def read_gltf(path: Path) -> Triangles:
     """
     try:
         with np.errstate(all="ignore"):  # numbers that are not finite are refused with the surface
-            return together(_pieces(GltfFile(path)))
+            return together(_pieces(GltfFile(path, data)))
     except (KeyError, TypeError, IndexError, AttributeError, OverflowError) as error:
         what = " ".join(f"{type(error).__name__}: {error}".split())
         raise ValueError(f"not built as glTF is: {what[:100]}") from None
@@ -151,8 +156,8 @@ def _material(file: GltfFile, entry: dict[str, Any]) -> str:
 def _given_name(file: GltfFile, name: str) -> str:
     """Keep the name that a file gives a part, "" where the program made one up."""
     generator = text_of(file.content.get("asset", {}), "generator")
-    made_up = _MADE_UP.get(generator)
-    return "" if made_up and re.fullmatch(made_up, name) else name
+    made_up = (form for writer, form in _MADE_UP.items() if generator.startswith(writer))
+    return "" if any(re.fullmatch(form, name) for form in made_up) else name
 
 
 def _kind(mode: Any) -> str:

@@ -1,30 +1,18 @@
-"""Read mesh files and scenes of any format with trimesh."""
+"""Read mesh files with trimesh: those of a kind that no reader of ours takes."""
 
 from __future__ import annotations
 
-import contextlib
-import logging
 import re
-import warnings
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from .formats import what_would_do
+from .messages import silence
 from .triangles import Triangles
 
-# What trimesh needs on top of itself to read a format.
-_EXTRA_PACKAGES = {
-    ".3mf": "lxml networkx",
-    ".xaml": "lxml",
-    ".dae": "pycollada",
-    ".zae": "pycollada",
-    ".step": "cascadio",
-    ".stp": "cascadio",
-    ".ctm": "python-openctm",
-    ".dxf": "ezdxf",
-    ".msh": "gmsh",
-}
+_NEEDED = {".xaml": "lxml"}  # what trimesh needs on top of itself to read a format
+_FORMATS = (".obj", ".ply", ".stl", ".off", ".xaml")
 _MADE_UP = r"((geometry|GLTF|world)(_\d+)?|\d+)?"  # trimesh's own names of parts
 
 
@@ -38,22 +26,27 @@ def read_with_trimesh(path: Path) -> Triangles:
     OSError
         where the file cannot be opened
     ValueError
-        where trimesh cannot read it, or lacks a package for that
+        where trimesh cannot read it, or lacks a package for that; for another format, with what
+        would do
     """
+    suffix = path.suffix.lower()
+    if suffix not in _FORMATS:
+        raise ValueError(f"{path}: {what_would_do(suffix)}")
     import trimesh
 
-    suffix = path.suffix.lower()
-    _check_format(path, suffix, trimesh.available_formats())
     try:
-        with _silence():
-            scene = trimesh.load_scene(str(path), process=False)
+        with silence():
+            # materials would be textures, and those pictures
+            scene = trimesh.load_scene(str(path), process=False, skip_materials=True)
             above = scene.graph.transforms.parents
             pieces = [piece for piece in scene.dump() if len(getattr(piece, "vertices", ()))]
     except OSError as error:
         raise type(error)(f"{path}: cannot be read ({one_line(error)})") from None
     except ImportError as error:
-        extra = _EXTRA_PACKAGES.get(suffix) or error.name or "the package it names"
-        raise _lacks(path, suffix, extra) from None
+        extra = _NEEDED.get(suffix) or error.name or "the package it names"
+        raise ValueError(
+            f"{path}: reading {suffix} files needs another package: pip install {extra}"
+        ) from None
     except Exception as error:  # a damaged file can fail anywhere inside a parser, in any way
         raise ValueError(
             f"{path}: damaged, or not in {suffix[1:]} format ({one_line(error)})"
@@ -62,20 +55,6 @@ def read_with_trimesh(path: Path) -> Triangles:
     if not meshes:
         return Triangles(_points(pieces), np.zeros((0, 3), np.int64), np.zeros(0, np.int64), ())
     return _together(meshes, tuple(_part_name(mesh.metadata, above, path) for mesh in meshes))
-
-
-def _check_format(path: Path, suffix: str, known: set[str]) -> None:
-    """Raise ValueError where trimesh does not know a format, or lacks a package for it."""
-    if suffix.lstrip(".") in known:
-        return
-    if suffix in _EXTRA_PACKAGES:
-        raise _lacks(path, suffix, _EXTRA_PACKAGES[suffix])
-    what = f"{suffix} is not a mesh format" if suffix else "no suffix to tell the mesh format by"
-    raise ValueError(f"{path}: {what}; use obj, ply, stl, off or glb")
-
-
-def _lacks(path: Path, suffix: str, extra: str) -> ValueError:
-    return ValueError(f"{path}: reading {suffix} files needs another package: pip install {extra}")
 
 
 def _points(pieces: list) -> np.ndarray:
@@ -119,17 +98,3 @@ def one_line(error: Exception) -> str:
     """Say what an error of another library says, in at most 120 characters of one line."""
     text = " ".join(str(error).split())
     return text[:120] if text else type(error).__name__
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Keep a reader's log, warnings and floating-point complaints from the user's terminal."""
-    logger = logging.getLogger("trimesh")
-    before = logger.disabled
-    logger.disabled = True
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.disabled = before
