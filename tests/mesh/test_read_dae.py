@@ -299,3 +299,120 @@ def test_what_is_damaged_is_named(tmp_path, text, message):
         read(tmp_path, text)
     found = str(caught.value)
     assert message in found and found.startswith(str(tmp_path / "x.dae")) and "\n" not in found
+
+
+# ------------------------------------------------------------------------------- skins and morphs
+
+
+def names_source(number, names, tag="Name_array"):
+    return f'<source id="{number}"><{tag} count="{len(names)}">{" ".join(names)}</{tag}></source>'
+
+
+def floats_source(number, values):
+    return f'<source id="{number}"><float_array>{words(values)}</float_array></source>'
+
+
+# a strip of height 2: what is below 1 hangs on the hip, what is above on the knee, at 1 on both
+STRIP = np.array([[x, y, 0] for y in (0, 1, 2) for x in (0, 1)], float)
+STRIP_SHAPE = geometry(source(STRIP) + triangles([0, 1, 2, 2, 1, 3, 2, 3, 4, 4, 3, 5]))
+HIP = np.diag([0.1, 0.1, 0.1, 1.0])  # under an armature ten times as large
+KNEE = HIP - np.eye(4)[:, 3:] @ [[0, 0, 0, 0]]
+KNEE[1, 3] = -0.1
+
+
+def skin(
+    of="g", pairs="0 1 0 1 0 0 1 0 0 0 1 0 1 1 1 1", counts="1 1 2 2 1 1", tag="Name_array", more=""
+):
+    return (
+        f'<controller id="c"><skin source="#{of}">{more}'
+        + names_source("j", ["hip", "knee"], tag) + floats_source("b", [HIP, KNEE])
+        + floats_source("w", [0.5, 1])
+        + '<joints><input semantic="JOINT" source="#j"/>'
+        '<input semantic="INV_BIND_MATRIX" source="#b"/></joints><vertex_weights count="6">'
+        '<input semantic="JOINT" source="#j" offset="0"/>'
+        f'<input semantic="WEIGHT" source="#w" offset="1"/><vcount>{counts}</vcount>'
+        f"<v>{pairs}</v></vertex_weights></skin></controller>"
+    )  # fmt: skip
+
+
+def armature(key="sid"):
+    knee = node("<translate>0 0.1 0</translate><rotate>0 0 1 90</rotate>", type="JOINT",
+                **{key: "knee"})  # fmt: skip
+    hip = node(knee, type="JOINT", **{key: "hip"})
+    return node(f"<scale>10 10 10</scale>{hip}", id="root")
+
+
+def with_skin(controllers, key="sid", up=""):
+    used = '<instance_controller url="#c"><skeleton>#root</skeleton></instance_controller>'
+    # the place of what is skinned does not matter
+    nodes = armature(key) + node(f"<translate>7 7 7</translate>{used}", name="body")
+    library = f"<library_controllers>{controllers}</library_controllers>"
+    return document(STRIP_SHAPE, nodes, up, library)
+
+
+def bent():
+    upper = np.stack([-(STRIP[:, 1] - 1), 1 + STRIP[:, 0], STRIP[:, 2]], axis=1)
+    expected = np.where(STRIP[:, 1:2] < 1, STRIP, upper)
+    expected[2:4] = 0.5 * (STRIP + upper)[2:4]
+    return expected
+
+
+@pytest.mark.parametrize("key, tag", [("sid", "Name_array"), ("id", "IDREF_array")])
+def test_a_skin_stands_in_the_pose_of_the_file(tmp_path, key, tag):
+    found = read(tmp_path, with_skin(skin(tag=tag), key))
+    assert np.allclose(found.vertices, bent()) and found.part_names == ("body",)
+    upright = read(tmp_path, with_skin(skin(tag=tag), key, "Z_UP"))
+    assert np.allclose(upright.vertices, bent()[:, [0, 2, 1]] * [1, 1, -1])
+
+
+def test_what_a_skin_is_bound_in_comes_first(tmp_path):
+    bound = "<bind_shape_matrix>1 0 0 0 0 1 0 0.5 0 0 1 0 0 0 0 1</bind_shape_matrix>"
+    found = read(tmp_path, with_skin(skin(more=bound)))
+    assert np.allclose(found.vertices[:2], STRIP[:2] + [0, 0.5, 0])
+
+
+def test_weights_are_scaled_to_1_and_what_has_none_stays(tmp_path):
+    pairs = "0 0 -1 1 0 0 1 0 0 0 1 0 1 1"
+    found = read(tmp_path, with_skin(skin(pairs=pairs, counts="1 1 2 2 1 0")))
+    expected = bent()
+    expected[5] = STRIP[5]
+    assert np.allclose(found.vertices, expected)
+
+
+def morph(weight, method=""):
+    method = f' method="{method}"' if method else ""
+    return (
+        f'<controller id="m"><morph source="#g"{method}>' + names_source("t", ["h"], "IDREF_array")
+        + floats_source("a", [weight]) + '<targets><input semantic="MORPH_TARGET" source="#t"/>'
+        '<input semantic="MORPH_WEIGHT" source="#a"/></targets></morph></controller>'
+    )  # fmt: skip
+
+
+def test_morphs_and_skins_of_morphs(tmp_path):
+    wide = geometry(source(STRIP * [3, 1, 1], "s2"), "h")
+    for weight, method, factor in ((0, "", 1), (0.5, "", 2), (0.5, "RELATIVE", 2.5)):
+        library = f"<library_controllers>{morph(weight, method)}</library_controllers>"
+        used = '<instance_controller url="#m"/>'
+        found = read(tmp_path, document(STRIP_SHAPE + wide, node(used), more=library))
+        assert np.allclose(found.vertices[:, 0], factor * STRIP[:, 0])
+    both = with_skin(skin(of="m") + morph(0.5)).replace(
+        "<library_geometries>", "<library_geometries>" + wide
+    )
+    assert np.allclose(read(tmp_path, both).vertices[:2], STRIP[:2] * [2, 1, 1])
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (with_skin(skin(counts="1 1 2")), "cut short: weights of 3 vertices for 6"),
+        (with_skin(skin(pairs="9 1" + " 0 1" * 7)), "a vertex hangs on joint 9 of 2"),
+        (with_skin(skin(pairs="0 9" + " 0 1" * 7)), "a vertex has weight 9 of 2"),
+        (with_skin(skin()).replace('sid="knee"', 'sid="elbow"'), "joint 'knee', and there is none"),
+        (with_skin(skin(of="c")), "a controller where a geometry is to be"),
+        (with_skin('<controller id="c"/>'), "neither skin nor morph"),
+    ],
+)
+def test_controllers_that_are_damaged_are_named(tmp_path, text, message):
+    with pytest.raises(ValueError) as caught:
+        read(tmp_path, text)
+    assert message in str(caught.value) and "\n" not in str(caught.value)

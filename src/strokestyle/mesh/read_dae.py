@@ -8,7 +8,7 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..files import MAX_DEPTH, quoted
+from .dae_controllers import morphed, skinned
 from .dae_geometry import Geometry, numbers_of, read_geometry, sources_of
 from .messages import NotSupported, warn
 from .pieces import Piece, moved, together
@@ -43,9 +44,9 @@ def read_dae(path: Path) -> Triangles:
     """Read the visual scene of a COLLADA file, turned so that y is up.
 
     Nodes are placed by their transforms, one in another; nodes of the library as often as they are
-    named. Polygons with notches and holes are cut at their ears. What a skin or a morph moves is
-    drawn as it is at rest, and warned of. Parts have the names of nodes, geometries, or those of
-    nodes over them; where fewer than two have a name, materials.
+    named. Polygons with notches and holes are cut at their ears. Skins stand in the pose of the
+    file, morphs at its weights; animations do not move anything. Parts have the names of nodes,
+    geometries, or those of nodes over them; where fewer than two have a name, materials.
 
     Raises
     ------
@@ -93,14 +94,16 @@ class _Document:
 
     def __init__(self, root: Element):
         self.root = root
-        self.ids = {element.get("id"): element for element in root.iter() if element.get("id")}
+        self.ids = {element.get("id", ""): element for element in root.iter() if element.get("id")}
         self.geometries: dict[int, Geometry] = {}
         self.left_out: Counter[str] = Counter()
+        self.world: dict[int, np.ndarray] | None = None  # nodes' matrices, once a skin asks
+        axis = root.find("asset/up_axis")
+        up = (axis.text or "").strip() if axis is not None else "Y_UP"
+        self.upright = _UPRIGHT.get(up, _UPRIGHT["Y_UP"])
 
     def triangles(self) -> Triangles:
-        asset = self.root.find("asset/up_axis")
-        up = (asset.text or "").strip() if asset is not None else "Y_UP"
-        pieces = list(self._pieces(_UPRIGHT.get(up, _UPRIGHT["Y_UP"])))
+        pieces = list(self._pieces())
         left_out = ", ".join(f"{count} {what}" for what, count in self.left_out.items())
         if not pieces:
             only = f", only {left_out}" if left_out else ""
@@ -119,9 +122,9 @@ class _Document:
             raise ValueError(f"it names {quoted(url)}, and there is none")
         return self.ids[url[1:]]
 
-    def _pieces(self, upright: np.ndarray) -> Iterator[Piece]:
+    def _pieces(self) -> Iterator[Piece]:
         """Draw the nodes of the scene, in their order."""
-        todo = [_Node(element, upright, (), ()) for element in reversed(self._roots())]
+        todo = [_Node(element, self.upright, (), ()) for element in reversed(self._roots())]
         count = 0
         while todo:
             node = todo.pop()
@@ -162,18 +165,13 @@ class _Document:
     def _drawn(self, use: Element, matrix: np.ndarray, names: tuple[str, ...]) -> Iterator[Piece]:
         """Draw a geometry, or the one that a controller moves."""
         source = self.named(use)
-        while source is not None and source.tag == "controller":
-            step = source.find("skin")
-            if step is not None:
-                shape = step.find("bind_shape_matrix")
-                if shape is not None:
-                    matrix = matrix @ numbers_of(shape, 16).reshape(4, 4)
-                warn("what its skins move is drawn as it was bound, not in the pose of the file")
-            else:
-                step = source.find("morph")
-                if step is None:
-                    raise ValueError("a controller that is neither skin nor morph")
-            source = self.named(step, "source")
+        movers: list[Element] = []  # the first is the last to move
+        while source is not None and source.tag == "controller" and len(movers) < MAX_DEPTH:
+            mover = next((child for child in source if child.tag in ("skin", "morph")), None)
+            if mover is None:
+                raise ValueError("a controller that is neither skin nor morph")
+            movers.append(mover)
+            source = self.named(mover, "source")
         if source is None:
             return
         if source.tag != "geometry":
@@ -184,10 +182,34 @@ class _Document:
         self.left_out += geometry.left_out
         name = next(filter(None, (names[-1], source.get("name"), *reversed(names[:-1]))), "")
         materials = self._materials(use)
+        joints = self._joints(use) if any(mover.tag == "skin" for mover in movers) else _no_joint
         for part in geometry.parts:
-            vertices, faces = moved(part.vertices, part.faces, matrix)
+            points, step = part.vertices, matrix
+            for mover in reversed(movers):
+                if mover.tag == "morph":
+                    points = morphed(mover, points, self.ids)
+                else:
+                    points, step = skinned(mover, points, joints), self.upright
+            vertices, faces = moved(points, part.faces, step)
             material = materials.get(part.material, part.material)
             yield Piece(vertices, faces, name.strip(), material, part.polygon)
+
+    def _joints(self, use: Element) -> Callable[[str], np.ndarray | None]:
+        """Give what finds a joint's matrix to the scene: below the skeletons, or anywhere."""
+        roots = [self.ids.get((one.text or "").strip().lstrip("#")) for one in use.iter("skeleton")]
+        if self.world is None:
+            self.world = {}
+            for root in self._roots():
+                _place_all(root, self.world)
+        world = self.world
+        below = [node for root in roots if root is not None for node in root.iter("node")]
+        by_sid = {node.get("sid"): node for node in reversed([*below, *self.root.iter("node")])}
+
+        def find(name: str) -> np.ndarray | None:
+            node = by_sid.get(name, self.ids.get(name))
+            return None if node is None else world.get(id(node))
+
+        return find
 
     def _materials(self, use: Element) -> dict[str, str]:
         """Look up what the symbols of materials stand for where a geometry is used."""
@@ -198,6 +220,19 @@ class _Document:
             name = (element.get("name") if element is not None else "") or target
             found[bound.get("symbol", "")] = name
         return found
+
+
+def _no_joint(name: str) -> None:
+    return None
+
+
+def _place_all(root: Element, world: dict[int, np.ndarray]) -> None:
+    """Note the matrix (4, 4) to the scene of each node below a root, by the node's identity."""
+    todo = [(root, np.eye(4))]
+    while todo:
+        node, above = todo.pop()
+        world[id(node)] = above @ _local(node)
+        todo += [(child, world[id(node)]) for child in node.findall("node")]
 
 
 def _local(node: Element) -> np.ndarray:
