@@ -89,6 +89,19 @@ def test_one_looks_into_a_hollow_and_a_hole():
     assert len({int(i) for i in np.flatnonzero(ring.curves.kind == SECTION)}) >= 2
 
 
+def test_one_looks_into_a_room():
+    """Its far corners are drawn, and what stands in it is solid."""
+    room = BOX.copy().apply_scale(4.0)
+    surface = surface_of(room, BOX.copy().apply_translation((-1, -1.5, -1)), inward=[0])
+    view = drawn(surface, "+x:1.5", "+y:1.5", "+z:1.5", hidden=True)
+    unit = (1 - 2 * 0.08) * SIZE / 2 / 4
+    # three inner edges less what the box covers, and nine of the box itself
+    assert np.isclose(length(view.curves, "section"), 6 * 3.5 * unit, rtol=0.01)
+    inner = length(view.curves, "contour", "crease", "boundary")
+    assert np.isclose(inner, (3 * 3.5 + 9.0 - 1.0) * unit, atol=1.6 * unit)
+    assert length(view.hidden, "crease", "contour") < 6.0 * unit
+
+
 def test_lines_of_the_whole_stay_what_they_are_as_far_as_they_are_left():
     """All kinds, raw: each point left lies on a line of the whole, and none is lost below."""
     vertices, faces = torus(64, 32)

@@ -99,11 +99,9 @@ def test_walls_show_their_thickness_and_holes_stay_holes():
 BALLS = [trimesh.creation.icosphere(4, radius) for radius in (1.0, 0.6, 0.3)]
 
 
-@pytest.mark.parametrize("inside_out", [False, True])
-def test_a_body_wound_the_other_way_than_the_one_around_it_is_a_hollow(inside_out):
-    """Whether the whole file is inside out or not; and a body within the hollow is solid."""
-    inward = {1} if not inside_out else {0, 2}
-    whole = surface_of(*BALLS, inward=inward)
+def test_a_body_wound_the_other_way_than_the_one_around_it_is_a_hollow():
+    """And a body within the hollow is solid."""
+    whole = surface_of(*BALLS, inward=[1])
     left = cut(whole, "x:0.1")
     flat = [np.pi * (r * r - 0.01) for r in (1.0, 0.6, 0.3)]
     assert np.isclose(measures(left)[1], flat[0] - flat[1] + flat[2], rtol=0.01)
@@ -114,6 +112,18 @@ def test_a_body_wound_the_other_way_than_the_one_around_it_is_a_hollow(inside_ou
     assert (left.section.whole.k1[hollow] < 0).all() and (whole.k1[whole.faces[before]] > 0).all()
     out = left.section.whole
     assert np.allclose(np.cross(out.pdir1, out.pdir2), out.normals)
+
+
+def test_a_body_wound_inward_round_others_is_a_room_and_alone_it_is_solid():
+    left = cut(surface_of(*BALLS[:2], inward=[0]), "x:0.1")
+    assert np.isclose(measures(left)[1], np.pi * 0.35, rtol=0.01)  # of what stands in it
+    cap = left.section.source < 0
+    room = left.component == left.component[0]
+    assert not (room & cap).any() and not left.closed_faces[room].any()
+    assert np.isclose(measures(left)[2], 2 * np.pi * (np.sqrt(0.99) + np.sqrt(0.35)), rtol=0.01)
+    for inward in ([0], [0, 1]):  # a file that is inside out altogether
+        left = cut(surface_of(*BALLS[: len(inward)], inward=inward), "x:0.1")
+        assert left.closed_faces.all()
 
 
 def test_bodies_wound_alike_are_solid_each_and_of_their_own_part():

@@ -16,7 +16,7 @@ from .camera import Camera
 from .chain import chain_segments
 from .line_options import LineOptions
 from .rays import Bvh
-from .section_lines import cut_curves, section_curves
+from .section_lines import cut_curves, opened, section_curves
 from .segments import (
     NEXT_CORNER,
     Segments,
@@ -74,10 +74,7 @@ class SurfaceLines:
         The second are chained where `unseen` is set; the shape hides them however one looks.
         """
         if self.surface.section is not None:
-            left, away = (
-                cut_curves(self.surface, part) for part in self._whole.split_from(camera, unseen)
-            )
-            return SurfaceCurves.concatenate([left, self._section]), away
+            return self._cut_from(camera, unseen)
         surface, options = self.surface, self.options
         view = ViewFields.of(surface, camera.viewpoint)
         hard = []
@@ -96,6 +93,15 @@ class SurfaceLines:
         behind = [chain_segments(surface, found.unseen, camera.up) for found in hard if unseen]
         order = np.argsort(curves.kind, kind="stable")
         return curves.take(order), SurfaceCurves.concatenate(behind)
+
+    def _cut_from(self, camera: Camera, unseen: bool) -> tuple[SurfaceCurves, SurfaceCurves]:
+        """Take what the cut leaves of the lines of the whole, and the cut itself."""
+        inside = opened(self.surface)  # one looks at the inside: rays tell what is seen of it
+        shown, behind = self._whole.split_from(camera, unseen or inside)
+        if inside:
+            shown, behind = SurfaceCurves.concatenate([shown, behind]), SurfaceCurves.empty()
+        left = [cut_curves(self.surface, shown), self._section]
+        return SurfaceCurves.concatenate(left), cut_curves(self.surface, behind)
 
     @cached_property
     def bvh(self) -> Bvh:

@@ -28,6 +28,15 @@ def section_curves(surface: Surface) -> SurfaceCurves:
     return chain_segments(surface, segments, np.array([0.0, 1.0, 0.0]))
 
 
+def opened(surface: Surface) -> bool:
+    """Tell whether a closed body of the whole is left open: a room, or one that no cap closes."""
+    section = surface.section
+    assert section is not None  # asked only of a surface that was cut
+    piece = section.source >= 0
+    was_closed = section.whole.closed_faces[section.source[piece]]
+    return bool((was_closed & ~surface.closed_faces[piece]).any())
+
+
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """Points of lines on the whole, row by row; the piece to the next row lies in a row's face.

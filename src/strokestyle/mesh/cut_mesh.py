@@ -23,7 +23,7 @@ class CutMesh:
     faces : (F, 3)
     source, part, polygon : (F,), as Section and Surface have them
     body : (F,) int, the connected body of each face; hollows are of the body that they lie in
-    closed : (F,) bool, of a body without boundary
+    closed : (F,) bool, of a solid body
     rim : (F, 3) bool, sides along which it was cut
     """
 
@@ -39,8 +39,8 @@ class CutMesh:
     rim: np.ndarray
 
     @classmethod
-    def of(cls, surface: Surface, body: np.ndarray) -> CutMesh:
-        """Take all of a surface whose faces are of bodies (F,)."""
+    def of(cls, surface: Surface, body: np.ndarray, closed: np.ndarray) -> CutMesh:
+        """Take all of a surface whose faces are of bodies (F,), closed ones (F,) bool or not."""
         count = len(surface.faces)
         return cls(
             {name: getattr(surface, name) for name in ("vertices", *FIELDS)},
@@ -51,7 +51,7 @@ class CutMesh:
             surface.part,
             surface.polygon,
             body,
-            surface.closed_faces,
+            closed,
             np.zeros((count, 3), bool),
         )
 

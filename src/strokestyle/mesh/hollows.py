@@ -1,4 +1,4 @@
-"""Hollows: closed bodies that the file winds the other way round than those that they lie in."""
+"""Hollows and rooms: closed bodies wound the other way round than those in or around them."""
 
 from __future__ import annotations
 
@@ -8,30 +8,34 @@ from .surface import Surface
 from .triangles import row_dot
 
 
-def with_hollows(surface: Surface) -> tuple[Surface, np.ndarray]:
+def with_hollows(surface: Surface) -> tuple[Surface, np.ndarray, np.ndarray]:
     """Turn the hollows of bodies so that their normals point out of the solid, into the hollow.
 
     All closed components of a surface are wound outward, as most files mean it. Where a file winds
     one the other way round than the smallest that it lies in, as the inner skin of a thick wall is,
-    it bounds a hollow of that.
+    it bounds a hollow of that. But where the file winds the outer one inward, that is a room, with
+    things in it: a shell, and nothing solid.
 
     Returns
     -------
-    the surface, and the body (F,) of each face: its component, or that which it is a hollow in
+    the surface; the body (F,) of each face, its component or that which it is a hollow in; and
+    whether it is of the shell of a room, (F,) bool
     """
     body = surface.component
     votes = np.bincount(body, np.where(surface.turned, 1.0, -1.0))
-    closed = np.zeros(len(votes), bool)
+    closed, room = np.zeros(len(votes), bool), np.zeros(len(votes), bool)
     closed[body] = surface.closed_faces
     inward = votes > 0.0
     if len(np.unique(inward[closed])) < 2:
-        return surface, body
-    into = _containers(surface, np.flatnonzero(closed), inward)
+        return surface, body, room[body]
     turned, target = np.zeros(len(votes), bool), np.arange(len(votes))
-    for a, b in into:  # from the outside in
-        turned[a], target[a] = not turned[b], target[b]
+    for a, b in _containers(surface, np.flatnonzero(closed), inward):  # from the outside in
+        room[b] |= inward[b] and not turned[b]
+        if not room[b]:
+            turned[a], target[a] = not turned[b], target[b]
     faces = turned[body]
-    return (surface.turned_over(faces) if faces.any() else surface), target[body]
+    whole = surface.turned_over(faces) if faces.any() else surface
+    return whole, target[body], room[body]
 
 
 def _containers(surface: Surface, closed: np.ndarray, inward: np.ndarray) -> list[tuple[int, int]]:

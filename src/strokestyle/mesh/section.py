@@ -25,8 +25,9 @@ def cut_open(
 
     Closed bodies are solid: a cap hides what lies behind it, holes stay holes. A body that the file
     winds the other way round than the one it lies in is a hollow in that one. Open surfaces are
-    cut without a cap. Faces in the plane stay where they bound what is left. All that was measured
-    on the surface stays as it was; a cap is flat, and of the part that most of its rim is of.
+    cut without a cap, and so is a room: a body wound inward round others that are wound outward.
+    Faces in the plane stay where they bound what is left. All that was measured on the surface
+    stays as it was; a cap is flat, and of the part that most of its rim is of.
 
     Parameters
     ----------
@@ -44,8 +45,8 @@ def cut_open(
         where a plane misses what there is to cut.
     """
     whole = surface if whole is None else whole
-    surface, body = with_hollows(surface)
-    mesh, placed = CutMesh.of(surface, body), []
+    surface, body, shell = with_hollows(surface)
+    mesh, placed = CutMesh.of(surface, body, surface.closed_faces & ~shell), []
     for asked in planes:
         plane = _placed(asked, whole, eye)
         _check_crossed(asked, plane, mesh.at["vertices"][mesh.faces], surface)
