@@ -26,8 +26,8 @@ or written), in one line that names what was found and what would do.
 # In the order of the walk from a mesh to a drawing; what is listed nowhere is an error here.
 GROUPS = {
     "Shapes and views": (
-        "load_surface", "make_surface", "Surface", "Camera", "fit_camera", "LineOptions",
-        "extract_view",
+        "load_surface", "make_surface", "Surface", "hide_parts", "parse_section", "cut_open",
+        "Camera", "fit_camera", "LineOptions", "extract_view",
         "view_of_curves", "View", "Curves", "load_curves", "save_view", "load_view",
         "fit_turntable_camera", "turntable",
     ),

@@ -244,6 +244,21 @@ def test_it_is_what_a_pinhole_sees_from_far_away(mesh):
     assert np.isclose(ours.maps.covered.sum(), theirs.maps.covered.sum(), rtol=0.01)
 
 
+@pytest.mark.parametrize("view", ["25,35", "isometric", "side"])
+def test_feature_maps_of_both_projections_are_of_one_measure(view):
+    """A style that was learned in one is used in the other."""
+    surface = surface_of(tuple(torus(96, 48)))
+    maps = [
+        extract_view(surface, fit_camera(surface.vertices, view, 30.0, 160, 160, projection=p)).maps
+        for p in ("parallel", "perspective")
+    ]
+    for name in ("depth", "n_dot_v", "max_curvature"):
+        a, b = (np.quantile(m[name][m.covered], [0.1, 0.5, 0.9]) for m in maps)
+        assert np.allclose(a, b, atol=0.06), name
+    near = [m["depth"][m.covered].min() for m in maps]
+    assert 0.6 < min(near) and max(near) < 1.0
+
+
 @pytest.mark.parametrize("shift", [-0.9, -0.2, 3.0])
 def test_only_the_direction_of_the_eye_counts(shift):
     """An eye within or behind the shape sees all of it, and the maps are as from before it."""
@@ -274,6 +289,22 @@ def test_parts_lie_before_one_another_as_in_the_picture():
     again = view_of_curves(surface, camera, drawn.curves)
     assert np.array_equal(again.curve_parts.index, drawn.curve_parts.index)
     assert sorted(set(again.curve_parts.index)) == [0, 1]
+
+
+def test_views_of_older_versions_are_perspectives(tmp_path):
+    surface = surface_of(CUBE)
+    view = extract_view(surface, fit_camera(surface.vertices, "front", 30.0, 64, 64))
+    save_view(tmp_path / "v.npz", view)
+    with np.load(tmp_path / "v.npz") as file:
+        arrays = dict(file)
+    camera = json.loads(str(arrays["camera"]))
+    del camera["projection"]
+    np.savez(tmp_path / "old.npz", **arrays | {"camera": np.array(json.dumps(camera))})
+    assert load_view(tmp_path / "old.npz").camera.to_dict() == view.camera.to_dict()
+    camera["projection"] = "fisheye"
+    np.savez(tmp_path / "bad.npz", **arrays | {"camera": np.array(json.dumps(camera))})
+    with pytest.raises(ValueError, match="bad.npz: .*projection is 'fisheye'"):
+        load_view(tmp_path / "bad.npz")
 
 
 def test_views_in_files_keep_the_projection(tmp_path):

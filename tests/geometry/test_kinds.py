@@ -4,6 +4,7 @@ from strokestyle.geometry.kinds import (
     HARD_KINDS,
     KIND_TABLE,
     KINDS,
+    PRIORITY,
     SHARP_KINDS,
     SOFT_KINDS,
     SURFACE_KINDS,
@@ -26,3 +27,9 @@ def test_lines_of_the_shape_outweigh_its_shading():
     prominence = {kind.name: kind.prominence for kind in KIND_TABLE}
     assert min(prominence[name] for name in HARD_KINDS) > max(prominence[n] for n in SOFT_KINDS)
     assert all(kind.weight > 0.0 for kind in KIND_TABLE)
+
+
+def test_a_style_draws_a_section_as_a_contour_and_it_comes_before_all():
+    prominence = {kind.name: kind.prominence for kind in KIND_TABLE}
+    assert prominence["section"] == prominence["contour"]
+    assert PRIORITY[0] == "section" and PRIORITY[1:] == tuple(n for n in KINDS if n != "section")
