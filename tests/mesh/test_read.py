@@ -3,6 +3,7 @@ others."""
 
 import json
 import struct
+import warnings
 
 import numpy as np
 import pytest
@@ -49,6 +50,8 @@ def test_the_same_triangles_as_trimesh(tmp_path):
         b"f 1 2 \\\n 3 4",
         b"f 1 2 3\ns off\nf 1 3 4\np 1\nl 1 2",
         b"f 1 2 3\nf 1 2\nf 1\nf 1 3 4\nfo 1 2 3",
+        b"f 1//3 2//3 3//3 4//3",
+        b"f 1/ 2/ 3/ 4/",
     ],
 )
 def test_dialects_of_a_square(faces):
@@ -120,7 +123,105 @@ def test_groups_are_parts_where_there_are_no_objects():
     text = b"f 1 2 3\ng default\nf 1 3 4\ng left arm\nf 1 2 3\ng hat\nf 1 3 4\ng left arm\nf 1 2 4"
     _, faces, part, names, _ = read_obj(SQUARE + text)
     assert [names[i] for i in part] == ["", "", "left arm", "hat", "left arm"] and len(names) == 3
-    assert read_obj(SQUARE + b"o all\n" + text)[3] == ("all",)
+    # an object that is everything tells nothing; two do
+    assert set(read_obj(SQUARE + b"o all\n" + text)[3]) == {"", "left arm", "hat"}
+    assert read_obj(SQUARE + b"o all\n" + text + b"\no one\nf 2 3 4")[3] == ("all", "one")
+
+
+MATERIALS = b"usemtl red\nf 1 2 3\nusemtl\tblue  sky\nf 1 3 4\nusemtl red\nf 1 2 4\n"
+
+
+@pytest.mark.parametrize(
+    "before, names",
+    [
+        (b"", ["red", "blue sky", "red"]),
+        (b"o all\n", ["red", "blue sky", "red"]),
+        (b"g all of it\n", ["red", "blue sky", "red"]),
+        (b"o all\ng default\n", ["red", "blue sky", "red"]),
+        (b"mtllib no.mtl\n#usemtl green\n", ["red", "blue sky", "red"]),
+        (b"o one\nf 2 3 4\no two\n", ["one", "two", "two", "two"]),
+        (b"o all\ng one\nf 2 3 4\ng two\n", ["one", "two", "two", "two"]),
+        (b"g one\nf 2 3 4\ng two big\n", ["one", "two big", "two big", "two big"]),
+        (b"o all\nf 2 3 4\n", ["", "red", "blue sky", "red"]),
+    ],
+)
+def test_materials_are_parts_where_objects_and_groups_make_fewer_than_two(before, names):
+    found = read_obj(SQUARE + before + MATERIALS)
+    assert [found.part_names[i] for i in found.part] == names
+    assert len(found.part_names) == len(set(names))
+
+
+def test_of_one_part_the_name_is_the_objects_else_the_groups_else_the_materials():
+    for text, name in [
+        (b"o a\ng b\nusemtl c\n", "a"), (b"g b\nusemtl c\n", "b"), (b"usemtl c\n", "c"),
+        (b"g default\nusemtl c\n", "c"), (b"usemtl None\n", ""),
+        (b"usemtl (null)\ng default\n", ""), (b"usemtlc\n", ""), (b"usemtl\n", ""), (b"o\ng\n", ""),
+    ]:  # fmt: skip
+        assert read_obj(SQUARE + text + b"f 1 2 3\nf 1 3 4\n").part_names == (name,)
+    assert read_obj(SQUARE + b"f 1 2 3\nusemtl").part_names == ("",)
+
+
+def test_a_drawing_in_the_plane():
+    for text in (b"v 0 0\nv 1 0\nv 1 1\nv 0 1\nf 1 2 3 4", b"v 0 0 # no z\nv 1 0\nv 1 1\nf 1 2 3"):
+        found = read_obj(text)
+        assert found.vertices[:3].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+        assert len(found.faces) == text.count(b"v ") - 2
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (b"l 1 2", "left out: 1 line; only faces are drawn"),
+        (
+            b"l 1 2 3 4\nl 1/1 2/2\nsurf 0 1 0 1 1 2 3",
+            "left out: 2 lines, 1 free-form surface; only",
+        ),
+        (b"f 1 2", "left out: 1 of its 2 faces, which have fewer than three corners"),
+        (b"cstype bspline\ndeg 3\ncurv 0 1 1 2 3 4\ncurv 0 1 1 2 3 4", "2 free-form curves; only"),
+        (b"lx 1 2\n#l 1 2\nsurface 3\ncurv2 1 2", ""),
+    ],
+)
+def test_what_is_left_out_is_warned_of_by_name(tmp_path, text, message):
+    path = tmp_path / "x.obj"
+    path.write_bytes(SQUARE + b"f 1 2 3 4\n" + text)
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        assert len(read_mesh(path).faces) == 2
+    said = [str(one.message) for one in found]
+    assert len(said) == bool(message)
+    assert not message or (said[0].startswith(f"{path}: ") and message in said[0])
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (b"l 1 2 3", "no faces in it (1 line): lines cannot be drawn"),
+        (b"o wire\n" + b"l 1 2\n" * 12, "no faces in it (12 lines): lines cannot be drawn"),
+        (b"p 1 2 3", "no faces in it (4 points): a point cloud"),
+        (b"", "no faces in it (4 points): a point cloud"),
+        (b"cstype bezier\ncurv 0 1 1 2 3 4", "no faces in it (1 free-form curve): export it as a"),
+        (
+            b"l 1 2\n" + b"surf 0 1 0 1 1 2 3 4\n" * 3,
+            "(1 line, 3 free-form surfaces): export it as",
+        ),
+    ],
+)
+def test_what_has_no_faces_is_named(tmp_path, text, message):
+    path = tmp_path / "x.obj"
+    path.write_bytes(SQUARE + text)
+    with pytest.raises(ValueError) as caught:
+        read_mesh(path)
+    assert str(caught.value).startswith(f"{path}: ") and message in str(caught.value)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-le"])
+def test_text_of_two_bytes_a_letter_is_said(tmp_path, encoding):
+    path = tmp_path / "x.obj"
+    path.write_bytes((SQUARE + b"f 1 2 3 4\n").decode().encode(encoding))
+    with pytest.raises(ValueError, match="in UTF-16 or UTF-32: save it as plain text, in UTF-8"):
+        read_mesh(path)
+    path.write_bytes(b"\xef\xbb\xbf" + SQUARE + b"f 1 2 3 4\n")
+    assert len(read_mesh(path).faces) == 2  # a mark alone does no harm
 
 
 def glb(nodes, meshes):

@@ -85,6 +85,7 @@ def test_binary_files_whose_count_is_wrong():
         lambda text: "# outer loop\n; vertex\n" + text.replace("endloop\n", "endloop\n# x\n"),
         lambda text: text.replace("normal 0 0 1", "normal nan() - -1.#IND"),
         lambda text: text.replace("normal 0 0 1", ""),
+        lambda text: text.replace("facet normal", "solid a part of it\nfacet normal"),
         lambda text: text.replace("normal 0 0 1", "normal 0 0 1 vertex"),
         lambda text: text.replace("outer loop", "outerloop").replace("vertex ", "vertex   "),
         lambda text: text.replace("\n", " ").replace("of it ", "of it\n"),
@@ -101,6 +102,8 @@ def test_dialects_of_text(change):
 
 def test_solids_are_parts():
     face = FACE.format("1")
+    loops = read_stl(f"solid loop\n{face}endsolid loop\nsolid vertex outer loop\n{face}".encode())
+    assert len(loops.faces) == 2 and set(loops.part_names) == {"loop", "vertex outer loop"}
     text = (
         f"solid body\n{face}{face}endsolid body\nsolid\n{face}endsolid\nsolid my solid state\n"
         f"{face}endsolid my solid state\nsolid empty\nendsolid empty\nsolid body\n{face}"

@@ -497,7 +497,7 @@ def test_polygons_seams_materials_and_negative_indices(tmp_path):
     surface = load_surface(path)
     assert (len(np.unique(surface.weld)), len(surface.faces)) == (10, 16)
     assert surface.closed_faces.all()
-    assert surface.part_names == ("",)
+    assert surface.part_names == ("red", "blue") and surface.part.sum() == 2 + 2 + 2 * 3
     assert surface.scale == 1.5 and surface.centre.tolist() == [0.5, 0.75, 0.5]
 
 

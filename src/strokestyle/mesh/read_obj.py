@@ -8,28 +8,35 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .messages import NotSupported, only_lines, warn
 from .polygons import cut_polygons
+from .text_file import one_byte_text
 from .triangles import Triangles
 
 _SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
+_UNNAMED = {"o": (), "g": ("default",), "usemtl": ("None", "(null)")}  # what programs make up
 _NO_KEYWORDS = bytes.maketrans(b"vf", b"  ")
 
 
 def read_obj(data: bytes) -> Triangles:
     """Read the faces of a Wavefront OBJ file, polygons cut into triangles.
 
-    Each object (`o`) is a part. Where there are no objects, groups (`g`) are parts; "default" is no
-    name of one. Everything that shape does not need is skipped: texture coordinates, normals,
-    colours, materials, curves.
+    Objects (`o`) are parts. Where they make fewer than two, groups (`g`) are, and where those do,
+    materials (`usemtl`). Everything that shape does not need is skipped: texture coordinates,
+    normals, colours. Lines and free-form curves and surfaces are left out, and warned of. Where no
+    vertex has a third coordinate, it is 0.
 
     Raises
     ------
     ValueError
-        naming the line, where a vertex or a face cannot be read or a face names no vertex.
+        naming the line, where a vertex or a face cannot be read or a face names no vertex
+    NotSupported
+        on lines, curves or surfaces without faces, or text in UTF-16
     """
-    lines = _Lines.of(data)
+    lines = _Lines.of(one_byte_text(data))
     vertices = _read_vertices(lines)
     faces, line = _read_faces(lines, vertices)
+    _tell_what_is_left_out(lines, len(faces))
     part, names = _read_parts(lines, line)
     return Triangles(vertices, faces, part, names, line)  # a polygon a line
 
@@ -67,8 +74,16 @@ class _Lines:
         return cls(data, start, text[start], text[start + 1] == ord(" "))
 
     def have(self, keyword: str) -> np.ndarray:
-        """Tell which lines begin with a keyword of one letter, (L+1,) bool."""
-        return self.spaced & (self.first == ord(keyword))
+        """Tell which lines begin with a keyword, (L+1,) bool."""
+        if len(keyword) == 1:
+            return self.spaced & (self.first == ord(keyword))
+        found = self.first == ord(keyword[0])
+        if found.any():
+            text = np.frombuffer(self.data, np.uint8)
+            for i, letter in enumerate(keyword + " "):
+                at = np.minimum(self.start[found] + i, len(text) - 1)
+                found[found] = text[at] == ord(letter)
+        return found
 
     def text(self, line: int) -> str:
         return self.data[self.start[line] : self.start[line + 1] - 1].decode("utf-8", "replace")
@@ -127,6 +142,8 @@ def _read_vertices(lines: _Lines) -> np.ndarray:
     """Read the vertices (V, 3) float64; weights and colours behind the coordinates are dropped."""
     which = np.flatnonzero(lines.have("v"))
     values, count = lines.numbers(lines.bodies(which), float, which)
+    if len(count) and (count == 2).all():  # a drawing in the plane
+        return np.pad(values.reshape(-1, 2), ((0, 0), (0, 1)))
     if (count < 3).any():
         raise lines.error(int(which[np.argmax(count < 3)]), "a vertex has three coordinates")
     if (count == 3).all():
@@ -156,19 +173,40 @@ def _read_faces(lines: _Lines, vertices: np.ndarray) -> tuple[np.ndarray, np.nda
     return faces, which[polygon]
 
 
-def _read_parts(lines: _Lines, line: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Read the objects, or the groups where there are none, of faces in lines `line` (F,).
+def _tell_what_is_left_out(lines: _Lines, faces: int) -> None:
+    """Warn of lines, curves and surfaces; raise NotSupported where there is nothing else."""
+    straight = int(lines.have("l").sum())
+    curves, surfaces = (int(lines.have(word).sum()) for word in ("curv", "surf"))
+    found = ((straight, "line"), (curves, "free-form curve"), (surfaces, "free-form surface"))
+    what = ", ".join(f"{count} {name}{'s' * (count > 1)}" for count, name in found if count)
+    if faces and what:
+        warn(f"left out: {what}; only faces are drawn")
+    elif curves or surfaces:
+        raise NotSupported(f"no faces in it ({what}): export it as a mesh")
+    elif straight and not faces:
+        raise only_lines(straight)
 
-    Returns part (F,) int64, index into the second result, the parts' names.
+
+def _read_parts(lines: _Lines, line: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Read the parts of faces in lines `line` (F,): by objects, groups or materials.
+
+    Returns part (F,) int64, index into the second result, the parts' names. Of one part only, the
+    name is that of the object, else of the group, else of the material.
     """
-    opens = lines.have("o")
-    grouped = not opens.any()
-    if grouped:
-        opens = lines.have("g")
-    names = [""] + [lines.text(at)[2:].strip() for at in np.flatnonzero(opens).tolist()]
-    if grouped:
-        names = ["" if name == "default" else name for name in names]
-    number = {name: i for i, name in enumerate(names)}  # objects of one name are one part
-    of_object = np.array([number[name] for name in names])
-    present, part = np.unique(of_object[np.cumsum(opens)[line]], return_inverse=True)
+    ways = [_parts_by(keyword, lines, line) for keyword in ("o", "g", "usemtl")]
+    several = (way for way in ways if len(way[1]) > 1)
+    named = (way for way in ways if any(way[1]))
+    return next(several, next(named, ways[0]))
+
+
+def _parts_by(keyword: str, lines: _Lines, line: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Read the parts that lines of a keyword open: what `_read_parts` returns."""
+    opens = lines.have(keyword)
+    names = [""]
+    for at in np.flatnonzero(opens).tolist():
+        name = " ".join(lines.text(at)[len(keyword) + 1 :].split())
+        names.append("" if name in _UNNAMED[keyword] else name)
+    number = {name: i for i, name in enumerate(names)}  # those of one name are one part
+    of_opening = np.array([number[name] for name in names])
+    present, part = np.unique(of_opening[np.cumsum(opens)[line]], return_inverse=True)
     return part.ravel(), tuple(names[i] for i in present)

@@ -15,8 +15,9 @@ _FACE = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("colour", "<
 _SAMPLE = 2000  # bytes in which a text has its first face
 # all that stands between the corners of two faces, and that is no coordinate
 _BETWEEN = re.compile(rb"endloop.*?outer\s*loop", re.DOTALL)
+_LOOP = re.compile(rb"outer\s*loop")
 _COMMENT = re.compile(rb"^[ \t]*(?:#|//|;)[^\n]*", re.MULTILINE)
-_SOLID = re.compile(rb"(?<![^\s])solid(?![^\s])[ \t]*([^\n]*)", re.IGNORECASE)
+_SOLID = re.compile(rb"solid(?!\S)([^\n]*?)(?=\bfacet\b|\n|\Z)")
 
 
 def read_stl(data: bytes) -> Triangles:
@@ -79,16 +80,19 @@ def _read_text(data: bytes) -> Triangles:
     data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if any(sign in data for sign in (b"#", b"//", b";")):
         data = _COMMENT.sub(b"", data)
-    lower = data.lower()
+    lower, names, begin = _take_names(data)
     loops = lower.count(b"endloop")
-    if len(re.findall(rb"outer\s*loop", lower)) > loops:
+    first = _LOOP.search(lower)
+    if _LOOP.search(lower, max(lower.rfind(b"endloop"), 0)):
         raise ValueError(f"cut short: it ends within triangle {loops + 1}")
-    first = re.search(rb"outer\s*loop", lower)
     if first is None:
         return _soup(np.zeros((0, 3)))
-    end = lower.rindex(b"endloop")
-    text = lower[first.end() : end]
-    corners = _BETWEEN.sub(b" ", text)
+    text = lower[first.end() : lower.rindex(b"endloop")]
+    pieces = text.split(b"loop")
+    if len(pieces) == 2 * loops - 1:  # the same as below, several times as fast
+        corners = b" ".join(pieces[::2]).replace(b"end", b" ")
+    else:
+        corners = _BETWEEN.sub(b" ", text)
     vertices = corners.count(b"vertex")
     if vertices != 3 * loops:
         raise ValueError(f"its {loops} triangles have {vertices} vertices, not three each")
@@ -99,24 +103,37 @@ def _read_text(data: bytes) -> Triangles:
     if len(numbers) != 3 * vertices:
         raise ValueError(f"its {vertices} vertices have {len(numbers)} numbers, not three each")
     found = _soup(numbers.reshape(-1, 3))
-    part, names = _read_parts(data, lower, loops)
-    return found._replace(part=part, part_names=names)
+    part, part_names = _parts(names, np.diff(np.append(begin, loops)))
+    return found._replace(part=part, part_names=part_names)
 
 
 def _only_line_ends(match: re.Match[bytes]) -> bytes:
     return b" " + b"\n" * match[0].count(b"\n")
 
 
-def _read_parts(data: bytes, lower: bytes, faces: int) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Read the part (F,) int64 of so many faces, index into the second result, the names."""
-    names, begin, at = [""], [0], 0
-    for solid in _SOLID.finditer(data):
-        name = re.split(rb"\bfacet\b", solid[1], maxsplit=1, flags=re.IGNORECASE)[0]
-        begin.append(begin[-1] + lower.count(b"endloop", at, solid.start()))
-        names.append(name.decode("utf-8", "replace").strip())
-        at = solid.start()
-    number = {name: i for i, name in enumerate(names)}
-    count = np.diff(np.append(begin, faces))
-    part = np.repeat([number[name] for name in names], count)
+def _take_names(data: bytes) -> tuple[bytes, list[str], list[int]]:
+    """Take the names of solids out of a text, which may say anything.
+
+    Returns the rest in lower case, the names, "" first, and how many faces there are before each.
+    """
+    lower = data.lower()
+    rest, names, begin, at, faces = [], [""], [0], 0, 0
+    for solid in _SOLID.finditer(lower):
+        ends = lower.endswith(b"end", 0, solid.start())
+        if not ends and lower[solid.start() - 1 : solid.start()].strip():
+            continue  # some longer word
+        rest.append(lower[at : solid.start(1)])
+        faces += rest[-1].count(b"endloop")
+        if not ends:
+            begin.append(faces)
+            names.append(data[solid.start(1) : solid.end(1)].decode("utf-8", "replace").strip())
+        at = solid.end(1)
+    return b"".join([*rest, lower[at:]]), names, begin
+
+
+def _parts(names: list[str], faces: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Lay out the parts of so many faces each: index (F,) int64 into the second result."""
+    number = {name: i for i, name in enumerate(names)}  # solids of one name are one part
+    part = np.repeat([number[name] for name in names], faces)
     present, part = np.unique(part, return_inverse=True)
     return part.ravel(), tuple(names[i] for i in present)

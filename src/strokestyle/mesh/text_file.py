@@ -24,15 +24,17 @@ def one_byte_text(data: bytes) -> bytes:
     """Take the mark of UTF-8 off text. Raises NotSupported where it is in UTF-16 or UTF-32."""
     if data.startswith(_MARK):
         return data[len(_MARK) :]
-    start = data[: min(_SAMPLE, len(data)) // 2 * 2]
-    even, odd = start[::2], start[1::2]
-    # a letter and a zero, by turns: no mark, and yet no text of one byte a letter
-    turns = len(start) > 4 and any(
-        not any(zeros) and all(letters) for zeros, letters in ((even, odd), (odd, even))
-    )
-    if data.startswith((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff")) or turns:
+    marked = data.startswith((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff"))
+    if marked or any(_in_steps(data[:_SAMPLE], step) for step in (2, 4)):
         raise NotSupported("its text is in UTF-16 or UTF-32: save it as plain text, in UTF-8")
     return data
+
+
+def _in_steps(start: bytes, step: int) -> bool:
+    """Tell whether each `step` bytes are one letter and zeros: no mark, and yet of wide letters."""
+    columns = [start[i::step] for i in range(step)]
+    letters = [all(column) for column in columns]
+    return len(start) >= 2 * step and sum(letters) == 1 and sum(map(any, columns)) == 1
 
 
 def read_numbers(text: bytes, line: int = 1) -> tuple[np.ndarray, str]:
