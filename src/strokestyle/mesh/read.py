@@ -18,7 +18,6 @@ from .read_with_meshio import FORMATS, read_with_meshio
 from .read_with_trimesh import one_line, read_with_trimesh
 from .triangles import Triangles
 
-# by suffix; all else is trimesh's
 READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_stl}
 # formats of several files, or with some beside them: their readers are given the path
 SCENES = {".gltf": read_gltf, ".glb": read_gltf, ".vrm": read_gltf, ".3mf": read_3mf}
@@ -30,8 +29,8 @@ SCENES |= dict.fromkeys(FORMATS, read_with_meshio)
 def read_mesh(path: str | Path) -> Triangles:
     """Read all parts of a mesh file, a scene's transforms applied.
 
-    OBJ, PLY, STL, OFF, glTF, 3MF and DAE have readers here, all else is trimesh's: docs/meshes.md
-    says why, and benchmarks/mesh_files.py prints its figures again.
+    docs/meshes.md says who reads which format, and why; benchmarks/mesh_files.py prints its figures
+    again.
 
     Raises
     ------
