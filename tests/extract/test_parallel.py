@@ -16,6 +16,7 @@ from strokestyle.extract.camera import (
     fit_camera,
     projection_of,
 )
+from strokestyle.extract.lines import SurfaceLines
 from strokestyle.extract.pipeline import extract_view, view_of_curves
 from strokestyle.extract.turntable import fit_turntable_camera, turntable
 from strokestyle.extract.view_file import load_view, save_view, view_to_json
@@ -330,3 +331,17 @@ def test_a_turntable_goes_round_the_upright_axis_at_one_size(view):
     quarter = views[1].camera.axes
     x, y, z = np.array(camera.axes).T
     assert np.allclose(np.array(quarter).T, [z, y, -x])
+
+
+@pytest.mark.parametrize("view", ["top", "37,90", "bottom"])
+def test_what_is_seen_along_itself_is_turned_away_on_fine_meshes_too(view):
+    """The outline lies on the near side, all of it a contour, however the walls are meshed."""
+    fine = trimesh.creation.cylinder(0.5, 1.0, sections=64).subdivide().subdivide()
+    box = trimesh.creation.box((1.0, 0.7, 0.4)).subdivide().subdivide().subdivide()
+    for mesh in (fine, box):
+        surface = surface_of(mesh)
+        camera = fit_camera(surface.vertices, view, up="z", projection="parallel")
+        found = SurfaceLines(surface).seen_from(camera)
+        assert {KINDS[kind] for kind in found.kind} == {"contour"}
+        side = 1.0 if view != "bottom" else -1.0
+        assert np.allclose(side * found.points(surface)[:, 2], surface.vertices[:, 2].max())

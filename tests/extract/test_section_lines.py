@@ -10,6 +10,7 @@ from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.lines import SurfaceLines
 from strokestyle.extract.pipeline import extract_view, view_of_curves
 from strokestyle.extract.section_lines import cut_curves
+from strokestyle.extract.surface_curves import SurfaceCurves
 from strokestyle.extract.turntable import turntable
 from strokestyle.extract.view_file import load_view, read_curves_json, save_view, view_to_json
 from strokestyle.geometry.curves import KINDS, owner
@@ -154,6 +155,34 @@ def test_an_edge_in_the_plane_is_drawn_once():
     assert np.isclose(view.curves.lengths().sum(), alone.curves.lengths().sum(), rtol=0.01)
 
 
+def test_lines_that_run_on_through_a_vertex_in_the_plane_end_there():
+    octahedron = trimesh.Trimesh(
+        [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]],
+        [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
+        process=False,
+    )
+    surface = surface_of(octahedron)
+    camera = fit_camera(surface.vertices, "30,30")
+    left = cut_open(surface, [parse_section("+z:0")], camera.viewpoint)
+    found = SurfaceLines(left, LineOptions(("crease", "section"))).seen_from(camera)
+    place, step = found.points(left), np.diff(owner(found.offsets)) == 0
+    length = np.linalg.norm(np.diff(place, axis=0), axis=1)[step] * surface.scale
+    kind = found.kind[owner(found.offsets)][:-1][step]
+    for name in ("crease", "section"):
+        assert np.isclose(length[kind == KINDS.index(name)].sum(), 4 * np.sqrt(2))
+    assert place[:, 2].max() < 1e-9
+    # and where the face of a line's last point is that of the piece which went
+    here = surface.vertices[surface.faces]
+    upper = int(np.flatnonzero((here[..., 0].max(1) > 0) & (here[..., 2].max(1) > 0))[0])
+    lower = int(np.flatnonzero((here[..., 0].max(1) > 0) & (here[..., 2].min(1) < 0))[0])
+    corner = np.eye(3)[
+        [here[lower, :, 2].argmin(), here[upper, :, 0].argmax(), here[upper, :, 2].argmax()]
+    ]
+    line = SurfaceCurves([lower, upper, upper], corner, [0, 3], [0], [False], np.ones(3))
+    ends = surface.original(cut_curves(left, line).points(left))
+    assert np.allclose(ends, [[0, 0, -1], [1, 0, 0]])
+
+
 @pytest.mark.parametrize("offset", ["0.5", "0.2"])
 def test_one_l_shaped_body_cut_at_its_step(offset):
     corners = np.array([(0, 0), (1, 0), (1, 0.5), (0.5, 0.5), (0.5, 1), (0, 1)], float)
@@ -167,6 +196,13 @@ def test_one_l_shaped_body_cut_at_its_step(offset):
     unit = view.camera.focal / surface.scale * np.sqrt(2 / 3)
     wide = 0.5 if offset == "0.5" else 1.0  # at the step only what is cut has a rim
     assert np.isclose(length(view.curves, "section"), 2 * (wide + 1.0) * unit, rtol=0.02)
+    # where the riser stood there is the rim, and no crease any more
+    left = cut_open(surface, [parse_section(f"y:{offset}")], view.camera.viewpoint)
+    found = SurfaceLines(left).seen_from(view.camera)
+    found = found.take(found.kind != SECTION)
+    place = surface.original(found.points(left))
+    inner = np.abs(place[:, :2] - 0.5).max(axis=1) < 1e-9
+    assert not (inner[1:] & inner[:-1] & (np.diff(owner(found.offsets)) == 0)).any()
 
 
 def test_the_camera_and_what_is_drawn_where_nothing_was_cut_stay():

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
-from shapes import moebius, sphere
+from shapes import moebius, sphere, torus
 
+from strokestyle.mesh.curvature import differential_geometry
+from strokestyle.mesh.cut_mesh import FIELDS
 from strokestyle.mesh.planes import SectionPlane, parse_section
-from strokestyle.mesh.section import cut_open
+from strokestyle.mesh.section import _cubic, _form, cut_open
 from strokestyle.mesh.surface import make_surface
 
 EYE = np.array([1.0, 2.0, 3.0, 0.0])  # at infinity: the nearer side is that of the axes' tips
@@ -218,6 +220,30 @@ def test_normals_and_curvatures_stay_and_are_those_of_the_surface_at_the_cut():
     assert np.allclose(np.cross(left.pdir1, left.pdir2), left.normals, atol=1e-9)
 
 
+def test_the_larger_curvature_comes_first_whatever_its_sign():
+    whole = surface_of(trimesh.creation.torus(1.0, 0.4, 64, 32))
+    inside_out = whole.turned_over(np.ones(len(whole.faces), bool))
+    for surface in (whole, inside_out):
+        left = cut(surface, "x:0.123")
+        assert (np.abs(left.k1) >= np.abs(left.k2) - 1e-9).all()
+        assert np.allclose(np.cross(left.pdir1, left.pdir2), left.normals, atol=1e-9)
+
+
+def test_a_surface_turned_over_is_what_is_measured_on_its_faces_turned_over():
+    """Tensors in space: principal directions have no sign of their own."""
+    vertices, faces = torus(48, 24)
+    surface = make_surface(vertices + 0.05 * np.sin(5 * vertices[:, ::-1]), faces)
+    turned = surface.turned_over(np.ones(len(faces), bool))
+    measured = differential_geometry(turned.vertices, turned.faces)._asdict()
+    ours = {name: getattr(turned, name) for name in FIELDS}
+    assert np.allclose(ours["normals"], measured["normals"])
+    assert np.allclose(np.cross(turned.pdir1, turned.pdir2), turned.normals)
+    for tensor in (_form, _cubic):
+        assert np.allclose(tensor(ours), tensor(measured), atol=1e-6)
+        assert np.abs(tensor(ours)).max() > 1.0
+    assert turned.turned.all() and np.array_equal(turned.faces, surface.faces[:, ::-1])
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_triangle_soups_of_all_kinds_never_crash(seed):
     """Edges of many faces, clashing windings, slivers, coplanar and repeated faces."""
@@ -310,3 +336,49 @@ def test_a_plane_that_misses_is_told_the_extent(text):
 def test_the_second_plane_may_miss_what_the_first_left():
     with pytest.raises(ValueError, match=r"z:0.3 misses it: it reaches from z = -0.5 to 0.2"):
         cut(surface_of(BOX), "z:0.2", "z:0.3")
+
+
+@pytest.mark.parametrize("text, area", [("+z:0", 2.0), ("-z:0", 2.0), ("+z:0.001", 2.0)])
+def test_loops_that_touch_at_a_saddle(text, area):
+    """A block whose top is x^2 - y^2: in the plane through the saddle two triangles touch."""
+    n = 9
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n)))
+    top, floor = np.c_[x, y, x * x - y * y], np.c_[x, y, np.full(n * n, -2.0)]
+    i = np.arange(n * n).reshape(n, n)
+    a, b, c, d = (block.ravel() for block in (i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]))
+    sheet = np.concatenate([np.c_[a, b, c], np.c_[a, c, d]])
+    ring = np.r_[i[0, :-1], i[:-1, -1], i[-1, :0:-1], i[:0:-1, 0]]
+    after = np.roll(ring, -1)
+    walls = np.concatenate(
+        [np.c_[ring, after + n * n, after], np.c_[ring, ring + n * n, after + n * n]]
+    )
+    block = trimesh.Trimesh(
+        np.concatenate([top, floor]), np.concatenate([sheet, sheet[:, ::-1] + n * n, walls]),
+        process=False,
+    )  # fmt: skip
+    assert block.is_watertight and block.volume > 0
+    left = cut(surface_of(block), text)
+    assert np.isclose(measures(left)[1], area, atol=0.01)
+    assert left.closed_faces.all() and not left.clashing_edges.any()
+
+
+def test_a_bottle_without_an_inside_is_cut_without_a_cap():
+    """Klein's: closed, but no winding agrees; what bounds the cut leads nowhere."""
+    n, m = 24, 16
+    u, v = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
+    ring = 3.0 + np.cos(u / 2) * np.sin(v) - np.sin(u / 2) * np.sin(2 * v)
+    height = np.sin(u / 2) * np.sin(v) + np.cos(u / 2) * np.sin(2 * v)
+    points = np.stack([ring * np.cos(u), ring * np.sin(u), height], axis=-1).reshape(-1, 3)
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(m), indexing="ij"))
+
+    def at(i, j):  # once round, v runs the other way
+        return (i % n) * m + np.where(i == n, -j, j) % m
+
+    a, b, c, d = at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)
+    surface = make_surface(points, np.concatenate([np.c_[a, b, c], np.c_[a, c, d]]))
+    assert surface.closed_faces.all() and surface.clashing_edges.any()
+    for text in ("x:0", "y:0.3", "z:0.1", "x:3"):
+        left = cut(surface, text)
+        assert len(left.section.rim) and np.isfinite(left.vertices).all()
+        # where the cut runs over the seam, it is no loop that could be closed
+        assert (left.section.source >= 0).all() == (text in ("z:0.1", "x:3")), text

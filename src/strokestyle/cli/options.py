@@ -244,7 +244,7 @@ shape_options = OptionGroup(
         type=SectionAt(),
         multiple=True,
         callback=_none_if_empty,
-        help="Cut the shape open across x, y or z of the file and draw the cut: x:12.5 in its own "
+        help="Cut the shape open across x, y or z of the mesh and draw the cut: x:12.5 in its own "
         "units, x:50% of its extent. The side nearer to the eye is taken away; +x:50% takes what "
         "lies towards the axis' tip, -x:50% the other. Closed bodies are solid. May be given "
         "several times. The camera stays as it is without.",

@@ -18,6 +18,7 @@ from .chain import chain_segments
 from .segments import edge_segments
 from .surface_curves import SurfaceCurves
 
+ROUNDING = 1e-12  # of weights
 ON_SIDE = 1e-6  # weight of the corner opposite to a side that a point is on
 
 
@@ -176,6 +177,7 @@ def _place(
     piece = order[np.repeat(first, count) + counting(count)]
     corner = surface.vertices[surface.faces[piece]]
     bary = np.clip(_weights(corner, points[point]), 0.0, 1.0)
+    bary[bary < ROUNDING] = 0.0  # a vertex stays a vertex
     bary /= bary.sum(axis=1, keepdims=True)
     off = np.einsum("ni,nik->nk", bary, corner) - points[point]
     best = np.lexsort((row_dot(off, off), point))[np.r_[0, np.cumsum(count)[:-1]]]
