@@ -184,6 +184,15 @@ def test_faces_inside_a_solid_are_left_out_and_flat_cells_on_it_are_not_doubled(
     assert found.polygon is not None and len(np.unique(found.polygon)) == 10 + 2 + 1
 
 
+def test_the_middles_of_sides_of_curved_cells_are_no_corners(tmp_path):
+    meshio = pytest.importorskip("meshio", reason="meshio is not installed")
+    points = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    path = tmp_path / "x.vtu"
+    with silence():
+        meshio.write(path, meshio.Mesh(points, [("triangle6", [[0, 1, 2, 3, 4, 5]])]))
+    assert read_mesh(path).faces.tolist() == [[0, 1, 2]]
+
+
 @pytest.mark.parametrize(
     "kind, cells, faces",
     [
@@ -325,6 +334,13 @@ def test_our_own_warnings_pass_through_the_silence():
             warn("left out")
             warnings.warn("another's", UserWarning, stacklevel=1)
     assert [one.category for one in found] == [MeshWarning]
+
+
+def test_a_log_that_goes_elsewhere_is_silent_too(caplog):
+    with silence():
+        logging.getLogger("trimesh.util").critical("logged")
+    logging.getLogger("trimesh.util").critical("after")
+    assert caplog.messages == ["after"]
 
 
 def test_silence_ends_with_an_error():

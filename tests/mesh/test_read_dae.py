@@ -372,7 +372,7 @@ def test_what_a_skin_is_bound_in_comes_first(tmp_path):
 
 
 def test_weights_are_scaled_to_1_and_what_has_none_stays(tmp_path):
-    pairs = "0 0 -1 1 0 0 1 0 0 0 1 0 1 1"
+    pairs = "-1 1 0 0 0 0 1 0 0 0 1 0 1 1"
     found = read(tmp_path, with_skin(skin(pairs=pairs, counts="1 1 2 2 1 0")))
     expected = bent()
     expected[5] = STRIP[5]

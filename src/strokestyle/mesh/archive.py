@@ -49,7 +49,7 @@ def _the_mesh(archive: zipfile.ZipFile, suffixes: Collection[str]) -> str:
     names = [
         name
         for name in archive.namelist()
-        if not name.startswith("__MACOSX/") and not PurePosixPath(name).name.startswith(".")
+        if not PurePosixPath(name).name.startswith(".")  # as of macOS, beside each file
     ]
     meshes = [name for name in names if PurePosixPath(name).suffix.lower() in suffixes]
     if len(meshes) > 1:

@@ -179,7 +179,7 @@ class GltfFile:
                 "it as one .glb file"
             )
         # the specification asks for percent-encoding; some programs write names as they are
-        for name in dict.fromkeys((unquote(uri), uri, uri.replace("\\", "/"))):
+        for name in (unquote(uri), uri, unquote(uri).replace("\\", "/")):
             try:
                 beside = self.path.parent / name
                 if beside.is_file():
