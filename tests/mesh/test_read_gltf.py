@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 import shapes
 
-from strokestyle.mesh.gltf_nodes import compose
+from strokestyle.mesh.gltf_file import GltfFile
+from strokestyle.mesh.gltf_nodes import compose, read_nodes
 from strokestyle.mesh.messages import MeshWarning
 from strokestyle.mesh.read import read_mesh
 from strokestyle.mesh.read_gltf import read_gltf
@@ -683,6 +684,27 @@ def test_any_change_of_the_json_is_read_or_refused_in_one_line(tmp_path):
                 assert str(error).startswith(str(path)) and "\n" not in str(error)
             else:
                 assert found.faces.max() < len(found.vertices)
+
+
+def test_a_list_of_the_file_is_not_gone_through_for_each_of_it(tmp_path):
+    """Every node names its children: to look at all nodes for each would take their square."""
+
+    class Counted(list):
+        times = 0
+
+        def __iter__(self):
+            Counted.times += 1
+            return super().__iter__()
+
+    gltf = cube_file(scenes=[{"nodes": [1]}])
+    gltf.node(children=[0, *range(2, 300)])
+    for _ in range(298):
+        gltf.node(0)
+    path = tmp_path / "x.glb"
+    path.write_bytes(gltf.glb())
+    file = GltfFile(path)
+    file.content["nodes"] = Counted(file.content["nodes"])
+    assert len(read_nodes(file).shown) == 300 and Counted.times < 10
 
 
 def test_what_is_large_is_read_without_a_loop_over_faces(tmp_path):

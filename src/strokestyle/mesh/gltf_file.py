@@ -53,6 +53,7 @@ class GltfFile:
             raise ValueError("its JSON is no object")
         self.content: dict[str, Any] = content
         self._check_version()
+        self._lists: dict[str, list[dict[str, Any]]] = {}
         self._buffers: dict[int, bytes | memoryview] = {}
         self._accessors: dict[int, np.ndarray] = {}
 
@@ -64,10 +65,12 @@ class GltfFile:
 
     def all(self, kind: str) -> list[dict[str, Any]]:
         """List the nodes, meshes, ... of the file."""
-        items = self.content.get(kind, [])
-        if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-            raise ValueError(f"{kind} is no list of objects")
-        return items
+        if kind not in self._lists:
+            items = self.content.get(kind, [])
+            if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+                raise ValueError(f"{kind} is no list of objects")
+            self._lists[kind] = items
+        return self._lists[kind]
 
     def one(self, kind: str, index: Any) -> dict[str, Any]:
         """Give the node, mesh, ... of a number."""

@@ -68,19 +68,18 @@ def read_nodes(file: GltfFile) -> Nodes:
     """
     items = file.all("nodes")
     parent, children = _family(file, items)
-    world = np.zeros((len(items), 4, 4))
+    world = _locals(items)
     todo = np.flatnonzero(parent < 0).tolist()
-    placed = 0
+    placed = np.zeros(len(items), bool)
     while todo:
         index = todo.pop()
-        own = _local(items[index])
-        world[index] = world[parent[index]] @ own if parent[index] >= 0 else own
+        if parent[index] >= 0:
+            world[index] = world[parent[index]] @ world[index]
         todo += children[index]
-        placed += 1
+        placed[index] = True
     nodes = Nodes(items, parent, world, [])
-    if placed < len(items):
-        lost = next(i for i in range(len(items)) if not world[i].any() and parent[i] >= 0)
-        raise ValueError(f"node {nodes._label(lost)} hangs below itself")
+    if not placed.all():
+        raise ValueError(f"node {nodes._label(int(np.argmin(placed)))} hangs below itself")
     roots = _roots(file, np.flatnonzero(parent < 0).tolist())
     seen: set[int] = set()
     todo = roots[::-1]
@@ -123,15 +122,19 @@ def _roots(file: GltfFile, orphans: list[int]) -> list[int]:
     return list(roots)
 
 
-def _local(node: dict[str, Any]) -> np.ndarray:
-    """Give a node's matrix (4, 4) to its parent's frame (3.5.2)."""
-    if "matrix" in node:
-        return _numbers(node["matrix"], 16).reshape(4, 4).T
-    parts = (("translation", 3), ("rotation", 4), ("scale", 3))
-    move, turn, stretch = (
-        _numbers(node[key], n)[None] if key in node else None for key, n in parts
-    )
-    return compose(move, turn, stretch, 1)[0]
+def _locals(items: list[dict[str, Any]]) -> np.ndarray:
+    """Give the matrices (N, 4, 4) from nodes to their parents' frames (3.5.2)."""
+    values = {"translation": np.zeros((len(items), 3)), "scale": np.ones((len(items), 3)),
+              "rotation": np.tile([0.0, 0.0, 0.0, 1.0], (len(items), 1)),
+              "matrix": np.zeros((len(items), 16))}  # fmt: skip
+    for index, node in enumerate(items):
+        for key, rows in values.items():
+            if key in node:
+                rows[index] = _numbers(node[key], rows.shape[1])
+    matrices = compose(values["translation"], values["rotation"], values["scale"], len(items))
+    whole = [index for index, node in enumerate(items) if "matrix" in node]
+    matrices[whole] = values["matrix"][whole].reshape(-1, 4, 4).transpose(0, 2, 1)
+    return matrices
 
 
 def compose(
