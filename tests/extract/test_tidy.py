@@ -127,10 +127,8 @@ def test_what_runs_along_another_drawing_goes():
     ]
     left, _ = subtract_parallel(Curves.from_list(others, [CREASE] * 3), drawn)
     assert left.lengths() == pytest.approx([50, 100, 200], abs=2.5)  # crossing lines stay whole
-    twice, _ = subtract_parallel(
-        Curves.from_list([2 * p for p in others]), Curves.from_list([2 * drawn.xy]), (1536, 1536)
-    )
-    assert twice.xy == pytest.approx(2 * left.xy)
+    again, _ = subtract_parallel(Curves.from_list(others, [CREASE] * 3), drawn, (3072, 3072))
+    assert again.xy == pytest.approx(left.xy)  # px are px
     for a, b in ((drawn, Curves.empty()), (Curves.empty(), drawn)):
         assert subtract_parallel(a, b)[0] is a
     assert len(subtract_parallel(drawn, drawn)[0]) == 0
@@ -390,6 +388,39 @@ def test_a_bend_keeps_its_place(kind, limit):
     away = cKDTree(out.xy).query(tip)[0]
     # a hard line's corner between straight sides is exact
     assert away < 1e-9 if kind == CONTOUR else 0.2 * limit < away <= limit + 0.01
+
+
+# ------------------------------------------------------------------------------ sizes of the canvas
+
+
+@pytest.mark.parametrize("size", [768, 1536, 3072, 8192])
+def test_hard_lines_are_drawn_by_their_length_in_pixels(size):
+    rails = [line((100, 100), (300, 100)), line((100, 103), (300, 103))]
+    alone, crumb = line((400, 400), (416, 400)), line((500, 500), (512, 500))
+    out = draw(*rails, alone, crumb, size=(size, size))
+    assert sorted(out.lengths().round()) == [16, 200, 200]
+    gap = [line((100, 100), (150, 100)), line((165, 100), (200, 100))]
+    assert len(draw(*gap, kind=KINDS.index("other"), size=(size, size))) == 2
+
+
+@pytest.mark.parametrize("size", [768, 1536, 3072])
+def test_soft_lines_are_drawn_by_their_length_in_the_picture(size):
+    k = size / 768
+    first = [line((100, 100), (300, 100)), line((150, 103), (250, 103)), line((20, 20), (37, 20))]
+    second = line((308, 100), (400, 100))
+    out = draw(*[k * p for p in (*first, second)], kind=VALLEY, size=(size, size))
+    assert out.lengths() / k == pytest.approx([300], abs=1)
+    x = np.arange(100.0, 400.0, 3.0)
+    rough = np.stack([x, 200 + np.where(np.arange(len(x)) % 2, 1.0, -1.0)], axis=1)
+    out = draw(k * rough, kind=VALLEY, size=(size, size))
+    assert np.abs(out.xy[20:-20, 1] / k - 200).max() < 0.35
+
+
+def test_lengths_do_not_shrink_to_nothing():
+    rails = [line((5, 10), (60, 10)), line((5, 11.2), (60, 11.2)), line((5, 30), (60, 30))]
+    specks = [line((20, 40), (22.5, 40)), line((50, 40), (56, 40))]
+    out = draw(*rails, *specks, size=(64, 64))
+    assert len(out) == 2 and out.lengths() == pytest.approx([55, 55], abs=0.5)
 
 
 # ------------------------------------------------------------------------------------ for any input

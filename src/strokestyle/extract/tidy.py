@@ -1,9 +1,19 @@
 """From visible fragments of lines to the fewest, longest natural strokes.
 
-Lengths are in pixels of a canvas 768 px on its longer side and grow with the canvas. A line is
-*hard* where it must be drawn to understand the shape (contour, boundary, crease, intersection,
-section, other) and *soft* where it describes the form between those (suggestive contour, ridge,
-valley, apparent ridge).
+A line is *hard* where it must be drawn to understand the shape (contour, boundary, crease,
+intersection, section, other) and *soft* where it describes the form between those (suggestive
+contour, ridge, valley, apparent ridge).
+
+Lengths are those of a printed line, in pixels, so that a larger canvas shows what a smaller one had
+no room for. Two things bound that. What tells noise from form grows with a canvas of more than 768
+px on its longer side: all lengths that are asked of soft lines, the length up to which creases are
+in doubt, the swarms that they come in, and the gaps between free ends of contours. Noise is as
+large in the picture as the picture is. And below 768 px all lengths shrink with the canvas, so that
+a small picture holds what it can, but to no less than UNIT[0] times. The bounds were chosen by eye,
+from a boot, busts, a pin header and a board with 150 bolts at 256, 768 and 3072 px. At 256 px and
+.33, as the canvas would have it, each pin is a bundle of lines 1 px apart, and at 1 a bust has no
+eyes; at .6 there is one line a side, and the eyes are there. With a ceiling above 1 the bolts stay
+scribbles on a large canvas, and with no growth scans are full of short creases there.
 """
 
 from __future__ import annotations
@@ -16,14 +26,15 @@ from scipy.spatial import cKDTree
 from ..geometry.curves import Curves
 from .tidy_drop import drop
 from .tidy_join import join
-from .tidy_lines import STEP, TidyOptions, chords, evenly, flip_short
+from .tidy_lines import STEP, Numbers, TidyOptions, chords, evenly, flip_short
 from .tidy_merge import MIN_REMAIN, merge
 from .tidy_nodes import find_nodes, turns_at
 from .tidy_split import smooth, split, trim_hooks
 
 __all__ = ["Strokes", "TidyOptions", "subtract_parallel", "tidy", "tidy_with_source"]
 
-REFERENCE = 768.0  # px, the longer side of the canvas on which all lengths here are stated
+REFERENCE = 768.0  # px, the longer side of a canvas on which nothing shrinks or grows
+UNIT = (0.6, 1.0)  # px of the canvas that a px here stands for, at least and at most
 STRAIGHT_ON = 0.2  # degrees; a stroke that turns by less at a node runs on through it
 HAIRPIN = 110.0  # degrees: a line that turns back on itself is two lines
 
@@ -75,7 +86,7 @@ def tidy(
     ----------
     fragments : visible polylines, in pixels, points at any spacing
     strength : (N,) in 0..1, per point; only that of soft lines counts
-    size : (width, height) of the canvas, pixels; all lengths grow with the longer side
+    size : (width, height) of the canvas, pixels; see the head of this module
     options : the numbers above
 
     Returns
@@ -113,7 +124,6 @@ def tidy_with_source(
     options: TidyOptions | None = None,
 ) -> Strokes:
     """Tidy as `tidy` does, and say where each point of the result comes from."""
-    options = options or TidyOptions()
     strength = np.asarray(strength, np.float64)
     if strength.shape != (len(fragments.xy),) or not np.isfinite(strength).all():
         raise ValueError(
@@ -122,24 +132,35 @@ def tidy_with_source(
         )
     if min(size) <= 0:
         raise ValueError(f"the canvas must have a size, got {size[0]} x {size[1]}")
-    scale = max(size) / REFERENCE
-    lines = evenly(fragments, scale, strength, find_nodes(fragments))
-    lines = split(lines, HAIRPIN, reach=3, apart=2, steady=False)
-    lines = join(lines, options, near=True)
-    lines = merge(lines, options)
-    lines = join(lines, options, near=True)
-    lines = drop(lines, options)
-    lines = join(lines, options, near=False)
-    lines = merge(lines, options)
-    lines = drop(lines, options)
-    lines = join(lines, options, near=False)
-    lines = split(lines, options.corner, reach=6, apart=11, steady=True)
-    lines = trim_hooks(lines, options.corner)
-    lines = smooth(lines, options)
+    unit, numbers = _on_canvas(size, options or TidyOptions())
+    lines = evenly(fragments, unit, strength, find_nodes(fragments))
+    lines = split(lines, HAIRPIN, reach=3, apart=2, steady=False, options=numbers)
+    lines = join(lines, numbers, near=True)
+    lines = merge(lines, numbers)
+    lines = join(lines, numbers, near=True)
+    lines = drop(lines, numbers)
+    lines = join(lines, numbers, near=False)
+    lines = merge(lines, numbers)
+    lines = drop(lines, numbers)
+    lines = join(lines, numbers, near=False)
+    lines = split(lines, numbers.corner, reach=6, apart=11, steady=True, options=numbers)
+    lines = trim_hooks(lines, numbers)
+    lines = smooth(lines, numbers)
     order = np.lexsort((-lines.length, lines.kind))
     lines = lines.take(order)
-    curves = Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed)
+    xy = lines.xy * unit
+    if len(xy):  # nor does rounding take a line over the edge of the canvas
+        xy = np.clip(xy, fragments.xy.min(axis=0), fragments.xy.max(axis=0))
+    curves = Curves(xy, lines.offsets, lines.kind, lines.closed)
     return Strokes(curves, lines.source, lines.node & (turns_at(curves) > STRAIGHT_ON))
+
+
+def _on_canvas(size: tuple[int, int], options: TidyOptions) -> tuple[float, Numbers]:
+    """Choose how many px of a canvas stand for one px of the options, and how much noise grows."""
+    scale = max(size) / REFERENCE
+    unit = float(np.clip(scale, *UNIT))
+    growth = max(scale / unit, 1.0)
+    return unit, Numbers(**vars(options), growth=growth)
 
 
 def subtract_parallel(
@@ -148,16 +169,16 @@ def subtract_parallel(
     """Take from curves the parts that run along one of `others`.
 
     That is within 2.5 px of it and 25 degrees of its direction. Gaps and remains of less than 6 px
-    are closed and dropped. Lengths are those of a 768 px canvas.
+    are closed and dropped. On a canvas of less than 768 px lengths shrink, as in `tidy`.
 
     Returns
     -------
     what is left, and of each of its points (M,) the row of `curves` that it comes from
     """
-    scale, options = max(size) / REFERENCE, TidyOptions()
+    unit, options = _on_canvas(size, TidyOptions())
     if not len(curves) or not len(others):
         return curves, np.arange(len(curves.xy))
-    lines, drawn = (evenly(c, scale, np.ones(len(c.xy)), find_nodes(c)) for c in (curves, others))
+    lines, drawn = (evenly(c, unit, np.ones(len(c.xy)), find_nodes(c)) for c in (curves, others))
     if len(lines) and len(drawn):
         distance, nearest = cKDTree(drawn.xy).query(lines.xy, distance_upper_bound=options.merge)
         near = distance < np.inf
@@ -167,4 +188,4 @@ def subtract_parallel(
         for value in (False, True):
             covered = flip_short(covered, lines.offsets, value, MIN_REMAIN / STEP)
         lines = lines.stretches(~covered)
-    return Curves(lines.xy * scale, lines.offsets, lines.kind, lines.closed), lines.source
+    return Curves(lines.xy * unit, lines.offsets, lines.kind, lines.closed), lines.source

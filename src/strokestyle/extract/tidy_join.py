@@ -9,10 +9,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import KINDS
-from .tidy_lines import CONTOUR, SOFT, Lines, TidyOptions, ends_of, even, near_others
+from .tidy_lines import CONTOUR, SOFT, Lines, Numbers, ends_of, even, near_others
 
 # Lengths in px, angles in degrees.
 MAX_NEAR = 24  # ends around an end that it may be joined to: the nearest
+HEADING = 6  # points over which an end's heading is measured
 MEETING = 4.0  # ends this near almost meet
 MEETING_ANGLE = 1.2  # x angle, for those
 TOUCHING, TOUCHING_BEND = 2.0, 60.0  # ends this near may bend by so much
@@ -39,6 +40,7 @@ class _EndPairs(NamedTuple):
     ahead_a, ahead_b : (P,) px, how far along the heading of each the other lies
     aside : (P,) px, how far beside the heading of either, the greater of both
     bend : (P,) degrees by which a joined curve would turn
+    unit : (P,) px, in which lengths are given
     """
 
     a: np.ndarray
@@ -48,6 +50,7 @@ class _EndPairs(NamedTuple):
     ahead_b: np.ndarray
     aside: np.ndarray
     bend: np.ndarray
+    unit: np.ndarray
 
     @property
     def curve_a(self) -> np.ndarray:
@@ -66,27 +69,31 @@ class _EndPairs(NamedTuple):
         return _EndPairs(*(column[index] for column in self))
 
 
-def join(lines: Lines, options: TidyOptions, near: bool) -> Lines:
+def join(lines: Lines, options: Numbers, near: bool) -> Lines:
     """Join curves end to end. `near`: only ends that almost meet."""
     if lines.closed.all():
         return lines
     reach = MEETING if near else max(options.gap, options.contour_gap)
-    pairs = _end_pairs(lines, reach)
+    pairs = _end_pairs(lines, reach * options.growth, options)
     if not len(pairs.a):
         return lines
-    good = _head_on(lines, pairs, options)
+    free = ~near_others(lines, FREE)
+    pairs = _in_own_lengths(lines, pairs, free, options)
+    good = _head_on(lines, pairs, free, options)
     good &= pairs.gap <= (MEETING if near else _longest_bridge(lines, pairs, options))
     good &= ~_too_short_to_close(lines, pairs)
     section = lines.kind == KINDS.index("section")  # a cut is told apart from all other lines
     good &= section[pairs.curve_a] == section[pairs.curve_b]
     pairs = pairs.take(good)
-    pairs = pairs.take(_clear(lines, pairs))
-    return _link(lines, _mates(pairs, _cost(lines, pairs, options), 2 * len(lines)))
+    pairs = pairs.take(_clear(lines, pairs, options))
+    mate = _mates(pairs, _cost(lines, pairs, options), 2 * len(lines))
+    return _link(lines, mate, options)
 
 
-def _end_pairs(lines: Lines, reach: float) -> _EndPairs:
+def _end_pairs(lines: Lines, reach: float, options: Numbers) -> _EndPairs:
     """Pair the ends of open curves within `reach` px, and measure how they lie to each other."""
-    tip, heading = ends_of(lines)
+    curved = SOFT[lines.kind] | (lines.kind == CONTOUR)
+    tip, heading = ends_of(lines, options.in_points(curved, HEADING))
     ends = np.flatnonzero(~np.repeat(lines.closed, 2))
     a, b = ends[_pairs_within(tip[ends], reach)]
     bridge = tip[b] - tip[a]
@@ -96,7 +103,25 @@ def _end_pairs(lines: Lines, reach: float) -> _EndPairs:
     side_a = np.sqrt(np.maximum(gap**2 - ahead_a**2, 0.0))
     side_b = np.sqrt(np.maximum(gap**2 - ahead_b**2, 0.0))
     bend = np.degrees(np.arccos(np.clip(-np.einsum("ij,ij->i", heading[a], heading[b]), -1.0, 1.0)))
-    return _EndPairs(a, b, gap, ahead_a, ahead_b, np.maximum(side_a, side_b), bend)
+    aside, unit = np.maximum(side_a, side_b), np.ones(len(a))
+    return _EndPairs(a, b, gap, ahead_a, ahead_b, aside, bend, unit)
+
+
+def _in_own_lengths(
+    lines: Lines, pairs: _EndPairs, free: np.ndarray, options: Numbers
+) -> _EndPairs:
+    """Measure pairs with a soft line, and of free ends of contours, in lengths that grow.
+
+    Gaps there are noise of the form; those of other hard lines are gaps of the shape. `free` (2C,)
+    tells the free ends.
+    """
+    contours = pairs.both(lines.kind == CONTOUR) & free[pairs.a] & free[pairs.b]
+    soft = ~pairs.both(~SOFT[lines.kind])
+    unit = np.where(soft | contours, options.growth, 1.0)
+    ahead_a, ahead_b = pairs.ahead_a / unit, pairs.ahead_b / unit
+    return pairs._replace(
+        gap=pairs.gap / unit, ahead_a=ahead_a, ahead_b=ahead_b, aside=pairs.aside / unit, unit=unit
+    )
 
 
 def _pairs_within(xy: np.ndarray, reach: float) -> np.ndarray:
@@ -109,7 +134,7 @@ def _pairs_within(xy: np.ndarray, reach: float) -> np.ndarray:
     return np.unique(pairs[:, here != there], axis=1)
 
 
-def _head_on(lines: Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray:
+def _head_on(lines: Lines, pairs: _EndPairs, free: np.ndarray, options: Numbers) -> np.ndarray:
     """Tell which pairs of ends go on as one line, by their directions, (P,) bool."""
     gap, bend, aside = pairs.gap, pairs.bend, pairs.aside
     contours = pairs.both(lines.kind == CONTOUR)
@@ -122,12 +147,11 @@ def _head_on(lines: Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray
     overlap = ~ahead & (past > -OVERLAP) & (aside < OVERLAP_ASIDE)
     slight = bend < angle * np.where(gap < MEETING, MEETING_ANGLE, 1.0)
     good = np.where(gap < TOUCHING, bend < TOUCHING_BEND, slight & (straight | overlap))
-    free = ~near_others(lines, FREE)
     corner = contours & free[pairs.a] & free[pairs.b] & (past > 0.0) & (bend < CORNER_BEND)
     return good | (corner & (gap <= options.gap))
 
 
-def _longest_bridge(lines: Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray:
+def _longest_bridge(lines: Lines, pairs: _EndPairs, options: Numbers) -> np.ndarray:
     """Bound the gap that each pair may bridge, (P,) px: a short piece no more than its length."""
     contours = pairs.both(lines.kind == CONTOUR)
     limit = np.where(contours, options.contour_gap, options.gap)
@@ -135,9 +159,9 @@ def _longest_bridge(lines: Lines, pairs: _EndPairs, options: TidyOptions) -> np.
 
 
 def _shorter(lines: Lines, pairs: _EndPairs) -> np.ndarray:
-    """Measure the shorter curve of each pair, (P,) px."""
+    """Measure the shorter curve of each pair, (P,), in its unit."""
     length = lines.length
-    return np.minimum(length[pairs.curve_a], length[pairs.curve_b])
+    return np.minimum(length[pairs.curve_a], length[pairs.curve_b]) / pairs.unit
 
 
 def _too_short_to_close(lines: Lines, pairs: _EndPairs) -> np.ndarray:
@@ -146,7 +170,7 @@ def _too_short_to_close(lines: Lines, pairs: _EndPairs) -> np.ndarray:
     return (pairs.curve_a == pairs.curve_b) & (_shorter(lines, pairs) <= least)
 
 
-def _cost(lines: Lines, pairs: _EndPairs, options: TidyOptions) -> np.ndarray:
+def _cost(lines: Lines, pairs: _EndPairs, options: Numbers) -> np.ndarray:
     """Weigh how unlikely each pair of ends is one line, (P,)."""
     a, b = lines.kind[pairs.curve_a], lines.kind[pairs.curve_b]
     return (
@@ -168,7 +192,7 @@ def _mates(pairs: _EndPairs, cost: np.ndarray, count: int) -> np.ndarray:
     return mate
 
 
-def _clear(lines: Lines, pairs: _EndPairs) -> np.ndarray:
+def _clear(lines: Lines, pairs: _EndPairs, options: Numbers) -> np.ndarray:
     """Tell which bridges cross no third hard curve, (P,) bool; short ones never do."""
     hard = ~SOFT[lines.kind][lines.of]
     clear = np.ones(len(pairs.a), bool)
@@ -178,7 +202,7 @@ def _clear(lines: Lines, pairs: _EndPairs) -> np.ndarray:
     tip, _ = ends_of(lines)
     start, stop = tip[pairs.a[long]], tip[pairs.b[long]]
     tree, of = cKDTree(lines.xy[hard]), lines.of[hard]
-    t = np.linspace(0.0, 1.0, 14)[1:-1]
+    t = np.linspace(0.0, 1.0, 13 * options.steps + 1)[1:-1]
     probe = start[:, None] + t[:, None] * (stop - start)[:, None]
     _, nearest = tree.query(probe.reshape(-1, 2), k=1, distance_upper_bound=CROSSING)
     found = nearest < len(of)
@@ -188,7 +212,7 @@ def _clear(lines: Lines, pairs: _EndPairs) -> np.ndarray:
     return clear
 
 
-def _link(lines: Lines, mate: np.ndarray) -> Lines:
+def _link(lines: Lines, mate: np.ndarray, options: Numbers) -> Lines:
     """Join chains of curves whose ends are paired; each is resampled as one curve.
 
     `mate` (2C,) is the end that each end is joined to, -1 for none.
@@ -201,7 +225,9 @@ def _link(lines: Lines, mate: np.ndarray) -> Lines:
     for ends, ring in _chains(mate, linked):
         parts = [np.arange(lines.offsets[e // 2], lines.offsets[e // 2 + 1]) for e in ends]
         parts = [part[::-1] if e % 2 else part for part, e in zip(parts, ends, strict=True)]
-        joined = np.concatenate(_trimmed(lines.xy, parts, ring)) if len(parts) > 1 else parts[0]
+        joined = (
+            np.concatenate(_trimmed(lines.xy, parts, ring, options)) if len(parts) > 1 else parts[0]
+        )
         rows.append(np.r_[joined, joined[0]] if ring else joined)
         curves = np.array(ends) // 2
         kind.append(_joined_kind(lines.kind[curves], length[curves]))
@@ -237,7 +263,9 @@ def _joined_kind(kind: np.ndarray, length: np.ndarray) -> int:
     return int((hard if 3.0 * hard.sum() > weight.sum() else weight).argmax())
 
 
-def _trimmed(xy: np.ndarray, parts: list[np.ndarray], ring: bool) -> list[np.ndarray]:
+def _trimmed(
+    xy: np.ndarray, parts: list[np.ndarray], ring: bool, options: Numbers
+) -> list[np.ndarray]:
     """Trim successive parts, rows each, of points at their start that lie behind the one before."""
     out = list(parts)
     for i in range(0 if ring else 1, len(out)):
@@ -245,7 +273,7 @@ def _trimmed(xy: np.ndarray, parts: list[np.ndarray], ring: bool) -> list[np.nda
         if len(part) < 4:
             continue
         tip, head = xy[before[-1]], xy[before[-1]] - xy[before[max(len(before) - 6, 0)]]
-        behind = (xy[part[:8]] - tip) @ head <= 0.3 * np.linalg.norm(head)
+        behind = (xy[part[: 8 * options.steps]] - tip) @ head <= 0.3 * np.linalg.norm(head)
         skip = int(behind.argmin()) if not behind.all() else 0
         out[i] = part[min(skip, len(part) - 2) :]
     return out

@@ -12,6 +12,7 @@ from ..geometry.curves import KINDS, Curves, arc_length, owner, resample, runs, 
 from ..geometry.kinds import KIND_TABLE
 
 STEP = 1.0  # px between points while at work, and in the result
+LOOSE = 2.5  # px; an end farther from any line is loose
 REPEATED = 1e-6  # px; nearer points are one
 CHORD_REACH = 4  # points before and behind, over which a direction is measured
 
@@ -25,8 +26,8 @@ class TidyOptions:
 
     Parameters
     ----------
-    merge, merge_soft, merge_contour, merge_suggestive : px on a 768 px canvas, how near to a better
-        curve a part of another goes: in general, if it is soft, if it is soft and the better one a
+    merge, merge_soft, merge_contour, merge_suggestive : px, how near to a better curve a part of
+        another goes: in general, if it is soft, if it is soft and the better one a
         contour, and where one of the two is a suggestive contour
     merge_angle : degrees, how parallel it must be
     speck : px; everything shorter goes
@@ -69,6 +70,28 @@ class TidyOptions:
             value = getattr(self, item.name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise ValueError(f"tidy option {item.name} must be a number from 0 on, got {value}")
+
+
+@dataclass(frozen=True)
+class Numbers(TidyOptions):
+    """The numbers at work, on a canvas whose px are those of a print.
+
+    Parameters
+    ----------
+    growth : how many times longer than given lengths are that tell noise from form: of soft lines,
+        and of swarms
+    """
+
+    growth: float = 1.0
+
+    @property
+    def steps(self) -> int:
+        """`growth` in whole points."""
+        return max(round(self.growth), 1)
+
+    def in_points(self, soft: np.ndarray, count: int) -> np.ndarray:
+        """Give a number of points for curves (C,): those that are `soft` so many times more."""
+        return count * np.where(soft, self.steps, 1)
 
 
 @dataclass(frozen=True)
@@ -211,18 +234,29 @@ def flag_runs(
     return np.repeat(np.arange(len(start)), count), start, count, flag[start]
 
 
-def flip_short(flag: np.ndarray, offsets: np.ndarray, value: bool, shorter: float) -> np.ndarray:
-    """Flip runs of `value` that are shorter than `shorter` points and not a whole curve."""
+def flip_short(
+    flag: np.ndarray, offsets: np.ndarray, value: bool, shorter: float | np.ndarray
+) -> np.ndarray:
+    """Flip runs of `value` that are shorter than `shorter` points and not a whole curve.
+
+    `shorter` is one number, or one a curve (C,).
+    """
     run, start, count, is_on = flag_runs(flag, offsets)
+    if np.ndim(shorter):
+        shorter = np.asarray(shorter)[np.searchsorted(offsets, start, "right") - 1]
     whole = np.isin(start, offsets) & np.isin(start + count, offsets)
     turn = (is_on == value) & (count < shorter) & ~whole
     return flag ^ turn[run]
 
 
-def chords(lines: Lines, reach: int = CHORD_REACH) -> np.ndarray:
-    """Measure the direction (N, 2) from `reach` points before to `reach` behind, less at ends."""
+def chords(lines: Lines, reach: int | np.ndarray = CHORD_REACH) -> np.ndarray:
+    """Measure the direction (N, 2) from `reach` points before to `reach` behind, less at ends.
+
+    `reach` is one number, or one a curve (C,).
+    """
     at = np.arange(len(lines.xy))
     of = lines.of
+    reach = np.broadcast_to(reach, len(lines))[of]
     d = (
         lines.xy[np.minimum(at + reach, lines.last[of])]
         - lines.xy[np.maximum(at - reach, lines.first[of])]
@@ -230,13 +264,25 @@ def chords(lines: Lines, reach: int = CHORD_REACH) -> np.ndarray:
     return d / np.maximum(np.linalg.norm(d, axis=1), 1e-9)[:, None]
 
 
-def short_creases(lines: Lines, options: TidyOptions) -> np.ndarray:
+def short_creases(lines: Lines, options: Numbers) -> np.ndarray:
     """Tell which curves are creases too short to be trusted, (C,) bool."""
-    return (lines.kind == CREASE) & (lines.length < options.long_crease)
+    return (lines.kind == CREASE) & (lines.length < options.long_crease * options.growth)
 
 
-def ends_of(lines: Lines, reach: int = 6) -> tuple[np.ndarray, np.ndarray]:
-    """Find both ends of every curve, start then end, (2C, 2), and their headings out, (2C, 2)."""
+def loose_ends(lines: Lines, options: Numbers) -> np.ndarray:
+    """Tell which curves have an end that no other is near, (C,) bool.
+
+    The edges of a true solid meet, so that a short crease with a loose end is noise.
+    """
+    near = near_others(lines, LOOSE * options.growth)
+    return ~(near[::2] & near[1::2])
+
+
+def ends_of(lines: Lines, reach: int | np.ndarray = 6) -> tuple[np.ndarray, np.ndarray]:
+    """Find both ends of every curve, start then end, (2C, 2), and their headings out, (2C, 2).
+
+    Headings are over `reach` points, of all curves or of each (C,).
+    """
     count = np.diff(lines.offsets) - 1
     back = np.minimum(count, reach)
     tip = np.stack([lines.first, lines.last], axis=1).ravel()

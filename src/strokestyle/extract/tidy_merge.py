@@ -17,14 +17,16 @@ import numpy as np
 from ..geometry.curves import counting, take_ragged
 from ..geometry.kinds import KIND_TABLE, KINDS, PRIORITY
 from .tidy_lines import (
+    CHORD_REACH,
     CONTOUR,
     SOFT,
     STEP,
     SUGGESTIVE,
     Lines,
-    TidyOptions,
+    Numbers,
     chords,
     flip_short,
+    loose_ends,
     short_creases,
 )
 
@@ -48,15 +50,17 @@ _WEIGHT = np.array([kind.weight for kind in KIND_TABLE])
 _RANK = np.array([PRIORITY.index(name) for name in KINDS])
 
 
-def merge(lines: Lines, options: TidyOptions) -> Lines:
+def merge(lines: Lines, options: Numbers) -> Lines:
     """Take away the parts that run beside a better curve."""
     if len(lines) < 2:
         return lines
-    soft = SOFT[lines.kind] | short_creases(lines, options)
+    crease = short_creases(lines, options)
+    soft = SOFT[lines.kind] | crease
+    grows = SOFT[lines.kind] | (crease & loose_ends(lines, options))
     order = np.argsort(_ranks(lines, soft))
     rows, _ = take_ragged(lines.offsets, order)
     gone = np.empty(len(rows), bool)
-    gone[rows] = _settle(_Contest.of(lines.take(order), soft[order], options))
+    gone[rows] = _settle(_Contest.of(lines.take(order), soft[order], grows[order], options))
     return lines.stretches(~gone)
 
 
@@ -81,25 +85,29 @@ class _Contest:
     options : the numbers
     asks, as_better : (C,) int, what each is as the worse of two and as the better: row and column
         of `reach`
-    reach : (3, 3) px, how near the better of two goes to the worse: to one that is hard,
-        suggestive, or soft of another kind; contours, suggestive contours, others
-    direction : (N, 2), unit vectors
+    reach : (4, 3) px, how near the better of two goes to the worse: to one that is hard,
+        suggestive, soft of another kind, or a short crease that holds; contours, suggestive
+        contours, others
+    grows : (C,) bool, whose lengths grow: those of soft lines and loose creases
+    direction, broad : (N, 2), unit vectors, over as many points as suit hard and soft lines
     answering : (N,) int, the row that answers for each
     """
 
     lines: Lines
-    options: TidyOptions
+    options: Numbers
     asks: np.ndarray
     as_better: np.ndarray
     reach: np.ndarray
+    grows: np.ndarray
     direction: np.ndarray
+    broad: np.ndarray
     answering: np.ndarray
 
     @classmethod
-    def of(cls, lines: Lines, soft: np.ndarray, options: TidyOptions) -> _Contest:
+    def of(cls, lines: Lines, soft: np.ndarray, grows: np.ndarray, options: Numbers) -> _Contest:
         """Prepare ranked curves, of which some compete as soft ones, (C,) bool."""
         suggestive = lines.kind == SUGGESTIVE
-        asks = np.where(soft, np.where(suggestive, 1, 2), 0)
+        asks = np.where(soft, np.where(suggestive, 1, np.where(grows, 2, 3)), 0)
         as_better = np.where(lines.kind == CONTOUR, 0, np.where(suggestive, 1, 2))
         same_form = max(options.merge_soft, options.merge_suggestive)
         reach = np.array(
@@ -107,25 +115,39 @@ class _Contest:
                 [options.merge] * 3,
                 [options.merge_contour, options.merge_soft, same_form],
                 [options.merge_contour, same_form, options.merge_soft],
+                [options.merge_contour, same_form, options.merge_soft],
             ]
         )
-        answering = np.arange(len(lines.xy)) - lines.along() % STRIDE
-        return cls(lines, options, asks, as_better, reach, chords(lines), answering)
+        reach[1:3] *= options.growth
+        direction = chords(lines)
+        broad = direction if options.steps == 1 else chords(lines, CHORD_REACH * options.steps)
+        stride = options.in_points(grows, STRIDE)[lines.of]
+        answering = np.arange(len(lines.xy)) - lines.along() % stride
+        return cls(lines, options, asks, as_better, reach, grows, direction, broad, answering)
+
+    @property
+    def shown(self) -> np.ndarray:
+        """Tell which points stand for their curves as the better ones, (N,) bool."""
+        return self.lines.along() % STRIDE == 0
 
     def beside(self, better: np.ndarray, worse: np.ndarray) -> np.ndarray:
         """Tell of which pairs of rows (P,) the worse curve's runs beside the better one's."""
         options, lines = self.options, self.lines
-        direction, between = self.direction[better], lines.xy[better] - lines.xy[worse]
-        distance = np.hypot(between[:, 0], between[:, 1])
         asks, other = self.asks[lines.of[worse]], self.as_better[lines.of[better]]
-        same_form = (asks + other == 3) & (asks > 0) & (other > 0)
+        grows, between = self.grows[lines.of[worse]], lines.xy[better] - lines.xy[worse]
+        unit = np.where(grows, options.growth, 1.0)
+        here, there = (
+            np.where(grows[:, None], self.broad[rows], self.direction[rows])
+            for rows in (better, worse)
+        )
+        distance = np.hypot(between[:, 0], between[:, 1])
+        same_form = (other > 0) & (((asks == 1) & (other == 2)) | ((asks > 1) & (other == 1)))
         narrow = np.where(same_form, SAME_FORM_ANGLE, FAR_ANGLE)
-        angle = np.where(distance > options.merge_soft, narrow, 1.0) * options.merge_angle
-        cosine = np.abs(_row_dot(direction, self.direction[worse]))
+        angle = np.where(distance > options.merge_soft * unit, narrow, 1.0) * options.merge_angle
         return (
             (distance <= self.reach[asks, other])
-            & (np.abs(_row_dot(between, direction)) < ABREAST * STEP)
-            & (cosine > np.cos(np.radians(angle)))
+            & (np.abs(_row_dot(between, here)) < ABREAST * STEP * unit)
+            & (np.abs(_row_dot(here, there)) > np.cos(np.radians(angle)))
         )
 
 
@@ -234,6 +256,7 @@ def _settle(contest: _Contest) -> np.ndarray:
     """Tell which points go, (N,) bool."""
     lines, kept = contest.lines, _Kept(contest)
     answers = contest.answering == np.arange(len(lines.xy))
+    shown = contest.shown
     gone = np.zeros(len(lines.xy), bool)
     first, most = 0, len(lines)
     while first < len(lines):
@@ -245,9 +268,8 @@ def _settle(contest: _Contest) -> np.ndarray:
             gone[worse] = True
         last = _batch(contest, first, last, rows[~gone[rows]])
         batch = slice(lines.offsets[first], lines.offsets[last])
-        rows = rows[rows < batch.stop]
-        gone[batch] = _beaten(contest, first, last, gone[batch])
-        kept.add(rows[~gone[rows]])
+        gone[batch] = _beaten(contest, first, last, gone[batch], shown[batch])
+        kept.add(batch.start + np.flatnonzero(shown[batch] & ~gone[batch]))
         first, most = last, 2 * (last - first)
     gone[_reaching(kept, gone)] = False
     return gone
@@ -260,20 +282,25 @@ def _batch(contest: _Contest, first: int, last: int, rows: np.ndarray) -> int:
     in.
     """
     lines = contest.lines
-    side = max(float(contest.reach.max()), CELL)
-    cell = np.floor(lines.xy[rows] / side).clip(-ROW / 4, ROW / 4).astype(np.int64) @ [1, ROW]
-    _, cell = np.unique(cell, return_inverse=True)
-    of = lines.of[rows]
+    of, soft = lines.of[rows], contest.asks[lines.of[rows]] > 0
+    reach = (float(contest.reach[0].max()), float(contest.reach.max()))
+    small, large = (
+        np.unique(_cells(lines.xy[rows] / max(side / CELL, 1.0)) @ [1, ROW], return_inverse=True)[1]
+        for side in reach
+    )
     while last - first > 1:
-        count = np.searchsorted(of, last)
-        in_cell = np.bincount(cell[:count], minlength=1)
-        if 9 * int(in_cell @ in_cell) <= BATCH_FLOOR + BATCH_PAIRS * count:
+        count = int(np.searchsorted(of, last))
+        hard, every = (np.bincount(cell[:count], minlength=1) for cell in (small, large))
+        asking = np.bincount(large[:count], soft[:count], len(every))
+        if 9 * (hard @ hard + asking @ every) <= BATCH_FLOOR + BATCH_PAIRS * count:
             break
         last = first + (last - first) // 2
     return last
 
 
-def _beaten(contest: _Contest, first: int, last: int, gone: np.ndarray) -> np.ndarray:
+def _beaten(
+    contest: _Contest, first: int, last: int, gone: np.ndarray, shown: np.ndarray
+) -> np.ndarray:
     """Settle a batch of curves: which of its points go, (n,), where some are `gone` (n,) already.
 
     A part that is gone removes nothing itself, so that who loses depends on who lost before. Each
@@ -284,7 +311,10 @@ def _beaten(contest: _Contest, first: int, last: int, gone: np.ndarray) -> np.nd
     answering = contest.answering[start : start + len(gone)] - start
     answers = answering == np.arange(len(gone))
     rivals = _Kept(contest)
-    rivals.add(start + np.flatnonzero(answers & ~_for_good(gone[answering], offsets)))
+    point = contest.options.in_points(contest.grows[first:last], 1) / STEP
+    for_good = gone[answering]
+    for_good &= flip_short(for_good, offsets, True, MAX_NICK * point)
+    rivals.add(start + np.flatnonzero(shown & ~for_good))
     asked = start + np.flatnonzero(answers & ~gone)
     pairs = [np.stack(pair) for pair in rivals.beside(asked)]
     better, worse = np.concatenate([np.zeros((2, 0), np.int64), *pairs], axis=1) - start
@@ -295,7 +325,7 @@ def _beaten(contest: _Contest, first: int, last: int, gone: np.ndarray) -> np.nd
         gone[worse[~before[better]]] = True
         gone = gone[answering]
         for value, shorter in ((False, MAX_HOLE), (True, MAX_NICK), (False, MIN_REMAIN)):
-            gone = flip_short(gone, offsets, value, shorter / STEP)
+            gone = flip_short(gone, offsets, value, shorter * point)
         if np.array_equal(gone, before):
             break
         before = gone
@@ -347,8 +377,3 @@ def _on_the_way(
     until = np.where(touching.any(axis=1), touching.argmax(axis=1) + 1, 0)
     until = np.where(closes, count, until)
     return np.arange(gap.shape[1]) < until[:, None]
-
-
-def _for_good(gone: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Tell which points (N,) lie in a stretch that goes whatever else does, (N,) bool."""
-    return gone & flip_short(gone, offsets, True, MAX_NICK / STEP)
