@@ -116,6 +116,12 @@ def test_ends_of_lines(form, ends):
     assert np.allclose(found.vertices, points, rtol=1e-6) and len(found.faces) == 9
 
 
+def test_corners_written_as_floats():
+    for form in FORMS:
+        found = read_ply(ply(form, vertex(), face(MIXED, corner="float")))
+        assert len(found.faces) == 9 and found.faces.dtype == np.int64
+
+
 def strips_of(form, strips, kind="int", points=POINTS):
     return ply(form, vertex(points), ("tristrips", [f"list int {kind} vertex_indices"],
                                       [(strip,) for strip in strips]))  # fmt: skip

@@ -56,7 +56,11 @@ def _wanted(element: Element) -> list[str]:
         if element.rows and not {"x", "y"} <= set(names):
             raise ValueError("its vertices have no x and y")
         return [axis for axis in "xyz" if axis in names]
-    lists = [one.name for one in element.properties if one.count_kind and one.kind[0] != "f"]
+    lists = [
+        one.name
+        for one in element.properties
+        if one.count_kind and (one.kind[0] != "f" or one.name in _CORNERS)
+    ]
     if element.name not in ("face", "tristrips"):
         return []
     if element.rows and not lists:
