@@ -1,8 +1,11 @@
 """Polygons cut into triangles: their area kept, every triangle turned as its polygon."""
 
+import warnings
+
 import numpy as np
 import pytest
 
+from strokestyle.mesh.messages import MeshWarning
 from strokestyle.mesh.polygons import cut_polygons
 from strokestyle.mesh.triangles import Edges
 
@@ -211,6 +214,29 @@ def test_polygons_without_a_plane_are_fans_or_better(n, what):
     faces, polygon = cut_polygons(points, np.arange(len(points)), np.array([len(points)]))
     assert faces.shape == (len(points) - 2, 3) and not polygon.any()
     assert set(faces.ravel()) <= set(range(len(points)))
+
+
+@pytest.mark.parametrize("corners, times", [(5, 2), (7, 3), (16, 2)])
+def test_polygons_that_cross_themselves_are_warned_of(corners, times):
+    t = np.arange(corners) * times * (2 * np.pi / corners)
+    star = (np.stack([np.cos(t), np.sin(t), 0 * t]) * (1 + 0.01 * np.arange(corners))).T
+    eight = np.array([(0, 0, 0), (4, 3, 0), (4, 1, 0), (0, 3, 0), (0, 1, 0)])
+    with pytest.warns(MeshWarning, match="2 of its faces cross themselves"):
+        cut(np.pad(U, ((0, 0), (0, 1))), star, eight)
+
+
+def test_polygons_that_touch_themselves_are_not():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cut(*(np.pad(polygon, ((0, 0), (0, 1))) for polygon in ZOO.values()))
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-12, 1e12, 1e200])
+def test_diagonals_of_quads_of_any_size(scale):
+    for first in range(4):
+        quad = scale * np.pad(np.roll(ARROW, first, axis=0), ((0, 0), (0, 1)))
+        faces, _ = cut_polygons(quad, np.arange(4), np.array([4]))
+        assert {first, (first + 2) % 4} == set(faces[0]) & set(faces[1])
 
 
 def test_next_to_nothing():

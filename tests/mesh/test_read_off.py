@@ -39,6 +39,7 @@ def broken(data):
 CUBES = {
     "plain": off(),
     "no edges": off(counts="8 6"),
+    "no edges, colours of faces": off(counts="8 6", faces=behind(FACES, "255 0 0")),
     "wrong edges": off(counts="8 6 99999"),
     "counts on the header line": off("OFF 8 6 12", ""),
     "counts in the header's word": off("OFF8 6 0", ""),

@@ -20,8 +20,8 @@ def cut_polygons(
 
     Each polygon is cut in the plane of its vector area, as its corners project there. All its
     corners are used, so that no edge of a neighbour is left without a partner; a seam to a hole may
-    be passed twice, and corners may lie at one place. What crosses itself, or has no area or no
-    finite coordinates, is a fan about its first corner.
+    be passed twice, and corners may lie at one place. What has no area or no finite coordinates is
+    a fan about its first corner; of what crosses itself, triangles overlap, which is warned of.
 
     Convex polygons are fans. A quad is cut along its shorter diagonal, unless that one lies outside
     it or folds it: the sine of the fold is 3/2 times the volume of the quad's corners, times the
@@ -137,12 +137,24 @@ def _cut_concave(
     from manifold3d import triangulate
 
     row = (np.cumsum(np.maximum(count - 2, 0)) - np.maximum(count - 2, 0))[many]
+    cuts = [np.zeros((0, 3), np.int64)]
     for at, begin, n in zip(
         row[cut].tolist(), start[cut].tolist(), size[cut].tolist(), strict=True
     ):
         ears = triangulate([plane[begin : begin + n]], -1)
         if len(ears) == n - 2:
-            faces[at : at + n - 2] = corner[begin + np.asarray(ears, np.int64)]
+            cuts.append(begin + np.asarray(ears, np.int64))
+            faces[at : at + n - 2] = corner[cuts[-1]]
+    _warn_of_crossing(plane, np.concatenate(cuts), owner)
+
+
+def _warn_of_crossing(plane: np.ndarray, cuts: np.ndarray, owner: np.ndarray) -> None:
+    """Warn of polygons some of whose triangles `cuts` (T, 3) turn the other way in the plane."""
+    a, b, c = (plane[cuts[:, i]] for i in range(3))
+    (x, y), (u, v) = (b - a).T, (c - a).T
+    wrong = np.unique(owner[cuts[x * v - y * u < -SOUND, 0]])
+    if len(wrong):
+        warn(f"{len(wrong)} of its faces cross themselves: their triangles overlap")
 
 
 def _in_their_planes(
