@@ -12,6 +12,7 @@ import gltf_files
 import numpy as np
 import pytest
 import shapes
+from damage import damaged, is_read_or_refused
 
 from strokestyle.mesh import archive
 from strokestyle.mesh.formats import what_would_do
@@ -241,6 +242,17 @@ def test_physical_groups_of_gmsh_are_parts(tmp_path, capfd):
     with pytest.raises(ValueError, match=r"x\.msh: meshio cannot read it.*save it as \.vtu"):
         read_mesh(path)
     assert capfd.readouterr() == ("", "")
+
+
+def test_any_change_of_a_gmsh_file_is_read_or_refused_in_one_line(tmp_path):
+    pytest.importorskip("meshio", reason="meshio is not installed")
+    text = gmsh({"floor": [0], "walls": [2, 3, 4, 5], "lid": [1]})
+    path, rng = tmp_path / "x.msh", np.random.default_rng(6)
+    good = 0
+    for _ in range(200):
+        path.write_bytes(damaged(text.encode(), rng))
+        good += is_read_or_refused(read_mesh, path)
+    assert 0 < good < 100
 
 
 def test_vtk_of_the_kind_that_meshio_does_not_read_is_named_before_it_is_asked_for(

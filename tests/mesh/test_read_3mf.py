@@ -7,6 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 import shapes
+from damage import damaged, is_read_or_refused
 
 from strokestyle.mesh import read_3mf as module
 from strokestyle.mesh.messages import MeshWarning
@@ -286,3 +287,15 @@ def test_without_relations_the_usual_name_is_found(tmp_path):
         package.writestr("3D/a.model", model(""))
         package.writestr("3D/3DModel.model", model(thing(1, box_mesh()), item(1)))
     assert len(read_mesh(path).faces) == 12
+
+
+def test_any_change_of_the_text_is_read_or_refused_in_one_line(tmp_path):
+    twice = parts(part(1), part(1, "1 0 0 0 1 0 0 0 1 5 0 0"))
+    text = model(thing(1, box_mesh(), name="a") + thing(2, twice), item(2))
+    path, rng = tmp_path / "x.3mf", np.random.default_rng(5)
+    good = 0
+    for _ in range(200):
+        with zipfile.ZipFile(path, "w") as package:
+            package.writestr(MODEL, damaged(text.encode(), rng))
+        good += is_read_or_refused(read_mesh, path)
+    assert 0 < good < 100

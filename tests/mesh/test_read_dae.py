@@ -6,6 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 import shapes
+from damage import damaged, is_read_or_refused
 
 from strokestyle.mesh.messages import MeshWarning
 from strokestyle.mesh.read import read_mesh
@@ -416,3 +417,14 @@ def test_controllers_that_are_damaged_are_named(tmp_path, text, message):
     with pytest.raises(ValueError) as caught:
         read(tmp_path, text)
     assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_any_change_of_the_text_is_read_or_refused_in_one_line(tmp_path):
+    wide = geometry(source(STRIP * [3, 1, 1], "s2"), "h")
+    text = with_skin(skin(of="m") + morph(0.5)).replace(STRIP_SHAPE, STRIP_SHAPE + wide)
+    path, rng = tmp_path / "x.dae", np.random.default_rng(4)
+    good = 0
+    for _ in range(200):
+        path.write_bytes(damaged(text.encode(), rng))
+        good += is_read_or_refused(read_mesh, path)
+    assert 0 < good < 100

@@ -24,6 +24,8 @@ SCENES = {".gltf": read_gltf, ".glb": read_gltf, ".vrm": read_gltf, ".3mf": read
 SCENES |= {".dae": read_dae, ".zae": read_dae}
 SCENES |= dict.fromkeys((".step", ".stp", ".iges", ".igs"), read_step)
 SCENES |= dict.fromkeys(FORMATS, read_with_meshio)
+# what a damaged file makes a reader of ours, or the library behind it, fail with
+_DAMAGE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError)
 
 
 def read_mesh(path: str | Path) -> Triangles:
@@ -80,6 +82,9 @@ def _read(path: Path) -> Triangles:
         raise type(error)(f"{path}: cannot be read ({one_line(error)})") from None
     except NotSupported as error:
         raise ValueError(f"{path}: {error}") from None
-    except ValueError as error:
+    except _DAMAGE as error:
+        text = " ".join(str(error).split())
+        if not isinstance(error, ValueError):
+            text = f"{type(error).__name__}: {one_line(error)}"
         what = f"damaged, or not in {suffix[1:]} format"
-        raise ValueError(f"{path}: {what} ({error})") from None
+        raise ValueError(f"{path}: {what} ({text})") from None

@@ -47,6 +47,8 @@ def read_with_meshio(path: Path) -> Triangles:
     """
     mesh = _loaded(path)
     points = np.asarray(mesh.points, np.float64)
+    if points.ndim != 2:
+        raise ValueError(f"its points are of shape {points.shape}")
     points = np.pad(points, ((0, 0), (0, max(0, 3 - points.shape[1]))))[:, :3]
     flat, solid = _faces(mesh)
     pieces = list(_pieces(points, flat, solid))
