@@ -5,6 +5,7 @@ import pytest
 import shapes
 from scipy.spatial import ConvexHull, cKDTree
 
+from strokestyle.extract import segments as lines_of_kinds
 from strokestyle.extract.camera import Camera, fit_camera
 from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.lines import feature_curves
@@ -60,7 +61,7 @@ def moved(body, by):
     return body[0] + np.array(by, float), body[1]
 
 
-def subdivided(vertices, faces, longest=0.05):
+def subdivided(vertices, faces, longest):
     """Cut every face flatly into four until no edge is longer than `longest` of the shape."""
     limit = longest * np.ptp(vertices, axis=0).max()
     while True:
@@ -128,10 +129,10 @@ def drawn(mesh, camera, options=HARD):
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_a_coarse_mesh_is_drawn_as_its_subdivided_self(name):
-    mesh = SOLIDS[name]()
+    mesh, longest = SOLIDS[name](), 0.06 if "ball" in name else 0.1
     for view in VIEWS:
-        camera = fit_camera(make_surface(*mesh).vertices, view)
-        coarse, fine = drawn(mesh, camera), drawn(subdivided(*mesh), camera)
+        camera = fit_camera(make_surface(*mesh).vertices, view, width=500, height=500)
+        coarse, fine = drawn(mesh, camera), drawn(subdivided(*mesh, longest), camera)
         assert coarse.lengths().sum() == pytest.approx(fine.lengths().sum(), rel=0.01), view
         one, two = (resample(c.xy, c.offsets, 1.0)[0] for c in (coarse, fine))
         for a, b in ((one, two), (two, one)):
@@ -177,6 +178,23 @@ def test_a_contour_holds_together_where_facets_meet_smooth_faces():
         # whatever ends meets another line's end
         apart = cKDTree(open_).query(open_, k=2)[0][:, 1] if len(open_) else np.zeros(0)
         assert len(lines) and (apart < 1e-9).all()
+
+
+@pytest.mark.parametrize("longest, some", [(0.2, False), (0.1, False), (0.07, True), (0.04, False)])
+def test_an_outline_is_whole_where_facets_end(longest, some, monkeypatch):
+    """A ball of 80 plane faces, cut ever finer: at some size a part of the faces are facets."""
+    mesh = subdivided(*shapes.sphere(1), longest)
+    surface = make_surface(*mesh)
+    if some:  # as near the threshold as can be
+        monkeypatch.setattr(lines_of_kinds, "SAG", 1e-3)
+        assert 0.1 < coarse_faces(surface).mean() < 0.9
+    for view in VIEWS:
+        camera = fit_camera(surface.vertices, view, width=400, height=400)
+        curves = extract_view(surface, camera, HARD).curves
+        corner, _ = camera.project(surface.vertices)
+        around = ConvexHull(corner)
+        assert len(curves) == 1
+        assert curves.lengths().sum() == pytest.approx(around.area, rel=0.01)
 
 
 @pytest.mark.parametrize("closed", [False, True])

@@ -226,7 +226,7 @@ def test_embree_agrees_with_brute_force(kind):
 
 def test_naive_rays_would_fail():
     """The rules earn their keep: without them about half of a visible contour is lost."""
-    surface = sphere(36, 72, bumpy)
+    surface = sphere(60, 120, bumpy)  # so fine that no face is a facet
     camera = fit_camera(surface.vertices, "three-quarter")
     position, face, length, _ = middles(surface, camera, ("contour",))
     scene = Bvh(surface)

@@ -19,10 +19,10 @@ from .rays import Bvh
 from .section_lines import cut_curves, opened, section_curves
 from .segments import (
     NEXT_CORNER,
+    Facets,
     Segments,
     apparent_segments,
     boundary_segments,
-    coarse_faces,
     contour_segments,
     crease_edges,
     crease_segments,
@@ -133,9 +133,9 @@ class SurfaceLines:
         return crease_edges(self.surface, self.options.crease)
 
     @cached_property
-    def facets(self) -> np.ndarray:
-        """Faces so large that contours run round them instead of through them, (F,) bool."""
-        return coarse_faces(self.surface)
+    def facets(self) -> Facets | None:
+        """Faces so large that contours run round them instead of through them."""
+        return Facets.of(self.surface)
 
     @cached_property
     def fixed(self) -> SurfaceCurves:

@@ -14,9 +14,10 @@ from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 
 from ..mesh.surface import Surface
-from ..mesh.triangles import row_dot, side_vectors, unit_rows
+from ..mesh.triangles import row_dot, unit_rows
 from .eye import at_infinity
 
+NEAR_BY = 4.0  # longest sides of the shape from its middle: an eye that is not far away
 MAX_ROUNDS = 12  # re-traces past ignored hits; what is still open then counts as hidden
 
 # In widths of the face that a point lies on: its mean edge, or less where it is long and thin. On
@@ -26,7 +27,7 @@ LIFT = 0.1  # along the normal, of the points of smooth lines
 NEAR = 0.75  # how far a smooth line's own neighbourhood may stand in front of it
 
 # In longest sides of all that there is to hit.
-EXACT = 3e-6  # rounding of a mesh's own coordinates: files of six digits
+COPLANAR = 3e-6  # what files of six digits leave of a plane
 FLOAT32 = 1e-6  # rounding of where embree hits something
 
 # Told rays k (N,) that hit faces (N,) with a gap (N,) still to go, in embree's units: which of them
@@ -81,34 +82,26 @@ class Bvh:
         return np.ascontiguousarray((points - self._centre) * self._scale, dtype=np.float32)
 
     @cached_property
-    def _across(self) -> np.ndarray:
-        """Vectors at right angles to all faces, twice as long as their areas, (F, 3)."""
-        one, two, _ = side_vectors(self.vertices, self.faces)
-        return np.cross(one, two)
-
-    @cached_property
-    def _planes(self) -> tuple[np.ndarray, np.ndarray]:
-        """The planes of all faces: unit normals (F, 3), and how far along them they lie, (F,)."""
-        normal = unit_rows(self._across)
-        return normal, row_dot(normal, self.vertices[self.faces[:, 0]])
-
-    @cached_property
     def _widths(self) -> np.ndarray:
         """The widths of all faces (F,): the mean edge, at most three times the height there.
 
         The height is the mean of the faces at a corner, of the corner where it is most: slivers
         among better faces count as these.
         """
-        length = np.stack([np.sqrt(row_dot(s, s)) for s in side_vectors(self.vertices, self.faces)])
-        corner = self.faces.ravel()
-        height = np.sqrt(row_dot(self._across, self._across)) / np.maximum(
-            length.max(axis=0), 1e-300
-        )
-        total = np.bincount(corner, np.repeat(height, 3), len(self.vertices))
-        mean = total / np.maximum(np.bincount(corner, minlength=len(self.vertices)), 1)
-        around = mean[self.faces]
-        most = np.maximum(np.maximum(around[:, 0], around[:, 1]), around[:, 2])
-        return np.minimum(length.mean(axis=0), 3.0 * most)
+        place = [self.vertices[:, axis][self.faces].T for axis in range(3)]  # columns: faster
+        one, two = ([p[i] - p[0] for p in place] for i in (1, 2))
+        third = [p[2] - p[1] for p in place]
+        lengths = [np.sqrt(x * x + y * y + z * z) for x, y, z in (one, two, third)]
+        (x, y, z), (u, v, w) = one, two
+        double_area = np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2)
+        height = double_area / np.maximum(np.maximum.reduce(lengths), 1e-300)
+        count, total = np.zeros((2, len(self.vertices)))
+        for corner in self.faces.T:
+            count += np.bincount(corner, minlength=len(count))
+            total += np.bincount(corner, height, len(count))
+        mean = total / np.maximum(count, 1.0)
+        most = np.maximum.reduce([mean[corner] for corner in self.faces.T])
+        return np.minimum(sum(lengths) / 3.0, 3.0 * most)
 
     def _run(self, origins: np.ndarray, directions: np.ndarray) -> dict:
         """Trace rays (N, 3) in embree's own units; distances are in lengths of the directions."""
@@ -230,7 +223,7 @@ class Bvh:
         if not len(target):
             return np.zeros(0, bool)
         start, ray, reach = self._sight_lines(eye, target)
-        slack = FLOAT32 * (reach + np.abs(start).max(axis=1) + 1.0)
+        slack = FLOAT32 * (reach + np.maximum.reduce(np.abs(start.T)) + 1.0)
         passed = np.zeros(len(ray))  # how far along each ray everything has been looked at
         result = np.zeros(len(ray), bool)
         open_ = np.arange(len(ray))
@@ -238,14 +231,12 @@ class Bvh:
             if not len(open_):
                 break
             hit, distance = self._next_hit(start[open_], ray[open_], passed[open_])
-            gap, off = self._before(hit, ray[open_], target[open_])
-            free = (hit < 0) | (gap <= EXACT) & (reach[open_] - distance <= slack[open_])
-            free |= distance > reach[open_] + slack[open_]
+            gap = reach[open_] - distance
+            free = (hit < 0) | (gap <= slack[open_])
             result[open_[free]] = True
-            hit, gap, off, distance = hit[~free], gap[~free], off[~free], distance[~free]
-            open_ = open_[~free]
+            hit, gap, distance, open_ = hit[~free], gap[~free], distance[~free], open_[~free]
             passed[open_] = distance + slack[open_]
-            open_ = open_[(off <= EXACT) | ignore(open_, hit, gap)]
+            open_ = open_[self._in_plane(hit, target[open_]) | ignore(open_, hit, gap)]
         return result
 
     def _sight_lines(
@@ -273,27 +264,23 @@ class Bvh:
         """Move on along unit rays (N, 3) of some `length` (N,) to where they meet the shape's box.
 
         Returns where that is in embree's units (N, 3), and what is left of the length. A distant
-        eye's own coordinates would cost embree all its digits.
+        eye's own coordinates would cost embree all its digits; near by they do no harm.
         """
+        start = self._local(eye)
+        if np.abs(start).max() < NEAR_BY:
+            return np.broadcast_to(start, ray.shape), length
         half = 0.5 / self._scale
         towards = np.where(np.abs(ray) < 1e-300, 1e-300, ray)
         enters = ((self._centre - eye) - np.sign(towards) * half) / towards
-        on = np.clip(enters.max(axis=1, initial=0.0), 0.0, length)
+        on = np.clip(np.maximum.reduce(enters.T), 0.0, length)
         return self._local(eye + ray * on[:, None]), length - on
 
-    def _before(
-        self, hit: np.ndarray, ray: np.ndarray, target: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Measure how far faces hit stand before the targets (N, 3), in double precision.
-
-        Returns it along unit rays (N, 3), and across the plane of the face, (N,) each, in embree's
-        units.
-        """
-        normal, height = self._planes
-        normal = normal[hit]
-        off = (row_dot(normal, target) - height[hit]) * self._scale
-        slope = row_dot(normal, ray)
-        return off / np.where(slope == 0.0, 1e-300, slope), np.abs(off)
+    def _in_plane(self, face: np.ndarray, point: np.ndarray) -> np.ndarray:
+        """Tell which points (N, 3) lie in the planes of faces (N,), up to COPLANAR, (N,) bool."""
+        first, second, third = (self.vertices[self.faces[face, i]] for i in range(3))
+        across = np.cross(second - first, third - first)
+        off = row_dot(across, point - first) * self._scale
+        return np.abs(off) <= COPLANAR * np.sqrt(row_dot(across, across))
 
     def _next_hit(
         self, start: np.ndarray, ray: np.ndarray, passed: np.ndarray

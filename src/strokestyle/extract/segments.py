@@ -24,7 +24,8 @@ from .view_curvature import ViewFields
 
 MIN_CROSSING = 10.0  # degrees, see intersection_segments
 SOFTNESS = 0.03  # of n.v against the derivative, in the strength of suggestive contours
-SAG, LONG = 2e-3, 0.02  # of the longest side of a body; see coarse_faces
+SAG, LONG = 3e-3, 0.02  # of the longest side of a body; see coarse_faces
+FLAT = 1e-6  # longest sides by which a point lies off a plane that it is in
 EDGE_ON = 1e-9  # n.v of a facet that is seen from the side
 # The corners after and before corner 0, 1, 2 of a face.
 NEXT_CORNER, CORNER_BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
@@ -194,7 +195,7 @@ def contour_segments(
     surface: Surface,
     view: ViewFields,
     options: LineOptions,
-    facets: np.ndarray | None = None,
+    facets: Facets | None = None,
 ) -> Trimmed:
     """Find occluding contours: n.v = 0, and folds, edges of which just one side faces the eye.
 
@@ -204,10 +205,11 @@ def contour_segments(
 
     Parameters
     ----------
-    facets : (F,) bool, faces that are plane to the eye, as `coarse_faces` has them; by default none
+    facets : those of the surface; by default none, whatever it is
     """
-    folds = Folds.of(surface, view, facets)
-    segments = _zero_lines(surface, view.n_dot_v, "contour", folds.smooth_faces)
+    folds = Folds(surface, view, facets)
+    smooth = None if facets is None else facets.smooth
+    segments = _zero_lines(surface, view.n_dot_v, "contour", smooth)
     if not options.trim:
         return Trimmed(_joined(segments, _fold_contours(folds, folds.edge)), segments.none())
     radial = values_at_ends(surface, segments, view.radial_curvature(surface))
@@ -222,6 +224,33 @@ def contour_segments(
     return Trimmed(*(_joined(part, fold) for part, fold in zip(parts, found, strict=True)))
 
 
+class Facets(NamedTuple):
+    """Faces that no smooth contour may cross: a mesh is so coarse there that they show.
+
+    Parameters
+    ----------
+    mask : (F,) bool
+    edge : int, the edges at which facing the eye may change at once: those of facets between two
+        faces, and those that are cut
+    smooth : int, the other faces
+    """
+
+    mask: np.ndarray
+    edge: np.ndarray
+    smooth: np.ndarray
+
+    @classmethod
+    def of(cls, surface: Surface) -> Facets | None:
+        """Find the facets of a surface, None where it has none."""
+        mask = coarse_faces(surface)
+        if not mask.any():
+            return None
+        one, two = surface.edge_faces.T
+        folding = (surface.edge_face_count == 2) & (mask[one] | mask[two])
+        folding[surface.cut_edges] = True
+        return cls(mask, np.flatnonzero(folding), np.flatnonzero(~mask))
+
+
 def coarse_faces(surface: Surface) -> np.ndarray:
     """Find the faces that no smooth contour may cross, (F,) bool.
 
@@ -230,64 +259,55 @@ def coarse_faces(surface: Surface) -> np.ndarray:
     its facets by more than SAG of the body's size: between two ends of a chord by |chord . dn| / 8,
     for a circular arc (Boubekeur and Alexa 2008 have four times that, at the middle of an edge).
     And it is so on a strip of faces between creases, as around a can, if they are LONG: it is
-    ruled, and its rims are polygons.
+    ruled, and its rims are polygons. Faces that touch such ones go with them: half of what turns at
+    a vertex would look otherwise than the other half.
     """
-    faces, count = surface.faces, len(surface.vertices)
-    rise, longest = np.zeros(len(faces)), np.zeros(len(faces))
-    for i, j in enumerate(NEXT_CORNER):
-        chord = surface.vertices[faces[:, j]] - surface.vertices[faces[:, i]]
-        turn = surface.normals[faces[:, j]] - surface.normals[faces[:, i]]
-        rise = np.maximum(rise, np.abs(row_dot(chord, turn)) / 8.0)
-        longest = np.maximum(longest, row_dot(chord, chord))
     size = _body_sizes(surface)
-    repeated = np.bincount(surface.weld, minlength=count) > 1
-    strip = all_corners(faces, repeated[surface.weld]) & (np.sqrt(longest) > LONG * size)
-    return strip | (rise > SAG * size)
+    corner = surface.faces.T
+    rise, square = np.zeros(corner.shape), np.zeros(corner.shape)  # of each side
+    for place, normal in zip(surface.vertices.T, surface.normals.T, strict=True):
+        place, normal = place[corner], normal[corner]  # axis by axis: many times faster
+        chord = place[NEXT_CORNER] - place
+        rise += chord * (normal[NEXT_CORNER] - normal)
+        square += chord * chord
+    rise, square = np.maximum.reduce(np.abs(rise)), np.maximum.reduce(square)
+    repeated = np.bincount(surface.weld, minlength=len(surface.vertices)) > 1
+    strip = all_corners(surface.faces, repeated[surface.weld]) & (square > (LONG * size) ** 2)
+    coarse = np.zeros(len(surface.vertices), bool)
+    coarse[surface.faces[strip | (rise > 8.0 * SAG * size)]] = True
+    return any_corner(surface.faces, coarse)
 
 
 def _body_sizes(surface: Surface) -> np.ndarray:
     """Measure the longest side of the body that each face belongs to, (F,)."""
-    body = surface.component
-    size = np.zeros(body.max() + 1)
-    for axis in surface.vertices.T:
-        low, high = np.full(len(size), np.inf), np.full(len(size), -np.inf)
-        for corner in surface.faces.T:
-            np.minimum.at(low, body, axis[corner])
-            np.maximum.at(high, body, axis[corner])
-        size = np.maximum(size, high - low)
-    return size[body]
+    body = np.zeros(len(surface.vertices), np.int64)
+    for corner in surface.faces.T:
+        body[corner] = surface.component
+    count = surface.component.max() + 1
+    low, high = np.full((3, count), np.inf), np.full((3, count), -np.inf)
+    for axis, least, most in zip(surface.vertices.T, low, high, strict=True):
+        np.minimum.at(least, body, axis)
+        np.maximum.at(most, body, axis)
+    return (high - low).max(axis=0)[surface.component]
 
 
 class Folds(NamedTuple):
-    """Edges at which facing the eye may change at once, and which of their sides do.
+    """Edges at which facing the eye may change at once, and how their sides do.
 
     Parameters
     ----------
     surface, view : what is seen, and how
-    edge : (M,) int, edges between two faces that are cut, or of which one is a facet
-    facets : (F,) bool, faces that face the eye as a whole or not at all; None for no such
+    facets : faces that face the eye as a whole or not at all; None for no such
     """
 
     surface: Surface
     view: ViewFields
-    edge: np.ndarray
-    facets: np.ndarray | None
-
-    @classmethod
-    def of(cls, surface: Surface, view: ViewFields, facets: np.ndarray | None) -> Folds:
-        """Find the edges of some `facets` (F,) bool, and those that are cut."""
-        edge = surface.cut_edges
-        if facets is None or not facets.any():
-            return cls(surface, view, edge, None)
-        pair = surface.edge_faces
-        of_facet = (surface.edge_face_count == 2) & facets[pair].any(axis=1)
-        of_facet[edge] = True
-        return cls(surface, view, np.flatnonzero(of_facet), facets)
+    facets: Facets | None
 
     @property
-    def smooth_faces(self) -> np.ndarray | None:
-        """Indices of the faces that are no facets, None for all."""
-        return None if self.facets is None else np.flatnonzero(~self.facets)
+    def edge(self) -> np.ndarray:
+        """Indices of the edges, (M,): those of facets between two faces, and those that are cut."""
+        return self.surface.cut_edges if self.facets is None else self.facets.edge
 
     def facing(self, face: np.ndarray, smooth: np.ndarray) -> np.ndarray:
         """Tell how faces (S,) face the eye, given n.v there on interpolated normals, (S, ...).
@@ -308,7 +328,7 @@ class Folds(NamedTuple):
         )
         plane = np.where(towards > EDGE_ON, 1.0, -1.0)
         shape = (len(face),) + (1,) * (smooth.ndim - 1)
-        return np.where(self.facets[face].reshape(shape), plane.reshape(shape), smooth)
+        return np.where(self.facets.mask[face].reshape(shape), plane.reshape(shape), smooth)
 
 
 def _fold_contours(folds: Folds, edge: np.ndarray) -> Segments:
@@ -332,11 +352,11 @@ def _faces_eye(folds: Folds, segments: Segments) -> np.ndarray:
 
 
 def _convex(surface: Surface, edge: np.ndarray) -> np.ndarray:
-    """Tell whether the surface bulges at edges (M,) between two faces, (M,) bool."""
+    """Tell whether the surface bulges at edges (M,) between two faces, or is flat, (M,) bool."""
     (face, corner), (other, other_corner) = surface.edge_corners(edge)
     apex = surface.faces[other, 3 - other_corner.sum(axis=1)]
     rise = surface.vertices[apex] - surface.vertices[surface.faces[face, corner[:, 0]]]
-    return row_dot(rise, surface.face_normals[face]) <= 0.0
+    return row_dot(rise, surface.face_normals[face]) <= FLAT
 
 
 class FoldSides(NamedTuple):
@@ -691,7 +711,7 @@ def crease_segments(
     view: ViewFields,
     options: LineOptions,
     edge: np.ndarray | None = None,
-    facets: np.ndarray | None = None,
+    facets: Facets | None = None,
 ) -> Trimmed:
     """Find creases: mesh edges where faces meet at more than the crease angle, or over two meet.
 
@@ -703,7 +723,7 @@ def crease_segments(
     if "contour" not in options.kinds:
         segments = edge_segments(surface, edge, "crease")
         return Trimmed(segments, segments.none())
-    folds = Folds.of(surface, view, facets)
+    folds = Folds(surface, view, facets)
     folding = np.isin(edge, folds.edge, assume_unique=True)
     segments, own, other, names = _along_fold(folds, edge[folding], "crease", 0)
     both = _keep_positive(segments, own, other, names)

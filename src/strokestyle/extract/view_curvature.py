@@ -111,9 +111,8 @@ def closed_from(surface: Surface, eye: np.ndarray) -> np.ndarray:
     They are those of components without boundary that do not wind round the eye: one inside a room
     sees its walls from within. Solid angles after Van Oosterom and Strackee 1983.
     """
-    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     closed = surface.closed_faces
-    if at_infinity(eye) or not closed.any() or (eye[:3] < low).any() or (eye[:3] > high).any():
+    if at_infinity(eye) or np.abs(eye[:3]).max() > 0.5 or not closed.any():  # outside its box
         return closed
     face = np.flatnonzero(closed)
     a, b, c = (surface.vertices[corner] - eye[:3] for corner in surface.faces[face].T)

@@ -13,7 +13,7 @@ from ..mesh.triangles import row_dot
 from .camera import Camera
 from .eye import towards
 from .rays import Bvh
-from .surface_curves import SurfaceCurves, barycentric
+from .surface_curves import SurfaceCurves
 from .view_curvature import closed_from
 
 SAMPLE = 1.0  # px between the points at which a line is asked whether it is seen
@@ -111,27 +111,52 @@ def look_along(
     face, seen = lines.face[row], np.zeros(len(line), bool)
     if bvh is not None:
         ask = np.flatnonzero(inside)
-        sharp = is_kind(lines.kind, SHARP_KINDS)[line] | _along_edges(surface, lines, points)[row]
+        sharp = is_kind(lines.kind, SHARP_KINDS)[line] | _on_silhouette(surface, camera, lines)[row]
         side = _sides(surface, camera, lines, points)[row]
         seen[ask] = bvh.seen(camera.viewpoint, face[ask], node[ask], sharp[ask], side[ask])
         seen = _without_flicker(seen, line, xy)
     return SampledLines(lines, xy, strength, face, line, inside, seen)
 
 
-def _along_edges(surface: Surface, lines: SurfaceCurves, points: np.ndarray) -> np.ndarray:
-    """Tell at which rows of lines, whose points are given (N, 3), they follow edges, (N,) bool.
+def _on_silhouette(surface: Surface, camera: Camera, lines: SurfaceCurves) -> np.ndarray:
+    """Tell at which rows contours run on along the silhouette of the triangles, (N,) bool.
 
-    A contour does so at a fold. It is an edge by itself there, where it runs on from a row.
+    That is along an edge of just one face that faces the camera: there the mesh itself has the
+    contour. Folds are such edges where both of their sides are flat.
     """
-    here = np.arange(len(points))
-    last = lines.offsets[1:] - 1
-    after = here + 1
-    after[last] = here[last]
-    corner = surface.vertices[surface.faces[lines.face]]
-    end = barycentric(corner, points[after][:, None])[:, 0]
-    along = np.any((lines.bary < ON_EDGE) & (end < ON_EDGE), axis=1)
-    along[last] = along[last - 1]
-    return along & is_kind(lines.kind, ("contour",))[owner(lines.offsets)]
+    contour = np.flatnonzero(is_kind(lines.kind, ("contour",)))
+    out = np.zeros(len(lines.face), bool)
+    # a fold ends at a vertex, unless normals turn on both of its sides
+    if not len(contour) or not len(surface.cut_edges) and not (lines.bary > 1.0 - ON_EDGE).any():
+        return out
+    row, _ = take_ragged(lines.offsets, contour)
+    step = np.setdiff1d(row, lines.offsets[1:] - 1, assume_unique=True)
+    step, edge = _edges_along(surface, lines, step)
+    one, two = surface.edge_faces[edge].T
+    view = towards(camera.viewpoint, surface.vertices[surface.edges[edge, 0]])
+    faces_eye = [row_dot(surface.face_normals[face], view) > 0.0 for face in (one, two)]
+    out[step[(two < 0) | (faces_eye[0] != faces_eye[1])]] = True
+    last = lines.offsets[1:][contour] - 1
+    out[last] = out[last - 1]
+    return out
+
+
+def _edges_along(
+    surface: Surface, lines: SurfaceCurves, row: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find from which rows (M,) lines run to the next along one mesh edge: those, and the edges."""
+    corner = surface.faces[lines.face[row]]
+    end = surface.weld[surface.faces[lines.face[row + 1]]]
+    weight = lines.bary[row + 1]
+    sides, along = surface.face_edges[lines.face[row]], np.full(len(row), -1)
+    for i, j, opposite in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        a, b = surface.weld[corner[:, i]], surface.weld[corner[:, j]]
+        at = np.logical_and.reduce(
+            [(weight[:, k] < ON_EDGE) | (end[:, k] == a) | (end[:, k] == b) for k in range(3)]
+        )
+        at &= lines.bary[row, opposite] < ON_EDGE
+        along[at] = sides[at, i]
+    return row[along >= 0], along[along >= 0]
 
 
 def _sides(
