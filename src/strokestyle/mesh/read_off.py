@@ -115,9 +115,10 @@ def _read_counts(lines: _Lines) -> _Counts:
 
 def _ways_to_read(lines: _Lines, counts: _Counts) -> Iterator[_Tables]:
     """Read all vertices and faces in each way that comes out even, the likeliest first."""
-    by_line = _read_by_line(lines, counts)
-    if by_line:
-        yield by_line
+    for at in dict.fromkeys((counts.at, 3)):
+        by_line = _read_by_line(lines, counts._replace(at=at))
+        if by_line:
+            yield by_line
     # without lines to tell: with edges or without, with what the header announces or without
     for at in dict.fromkeys((counts.at, 3, 2)):
         for width in dict.fromkeys((_common_width(lines, counts), 3 + lines.more, 3)):
@@ -128,12 +129,13 @@ def _ways_to_read(lines: _Lines, counts: _Counts) -> Iterator[_Tables]:
 
 def _read_by_line(lines: _Lines, counts: _Counts) -> _Tables | None:
     """Read vertices and faces with a line each; None where they have none."""
-    all_faces = 1 + counts.vertices + counts.faces
-    if len(lines.first) - 1 < all_faces or lines.first[1] != counts.at:
+    line = int(np.searchsorted(lines.first, counts.at))
+    all_faces = line + counts.vertices + counts.faces
+    if len(lines.first) - 1 < all_faces or lines.first[line] != counts.at:
         return None
     width = np.diff(lines.first)
     length = lines.values[lines.first[:-1]]
-    vertices, faces = slice(1, 1 + counts.vertices), slice(1 + counts.vertices, all_faces)
+    vertices, faces = slice(line, line + counts.vertices), slice(line + counts.vertices, all_faces)
     length = length[faces]
     if (width[vertices] < 3).any() or not _are_lengths(length, width[faces] - 1).all():
         return None
@@ -155,11 +157,12 @@ def _are_lengths(values: np.ndarray, most: np.ndarray | int) -> np.ndarray:
 
 
 def _common_width(lines: _Lines, counts: _Counts) -> int:
-    """How many numbers the line of each vertex has; 0 where that is not the same for all."""
-    width = np.diff(lines.first)[1 : 1 + counts.vertices]
-    if len(width) < max(counts.vertices, 1) or lines.first[1] != counts.at:
+    """How many numbers the line of each vertex has; 0 where not all have as many, or too few."""
+    line = int(np.searchsorted(lines.first, counts.at))
+    width = np.diff(lines.first)[line : line + counts.vertices]
+    if len(width) < max(counts.vertices, 1) or lines.first[line] != counts.at:
         return 0
-    return int(width[0]) if (width == width[0]).all() else 0
+    return int(width[0]) if width[0] >= 3 and (width == width[0]).all() else 0
 
 
 def _read_in_a_row(lines: _Lines, counts: _Counts, width: int) -> _Tables | None:
