@@ -414,6 +414,7 @@ def test_quaternions_turn_as_a_known_rotation_does():
         ("my%20model.bin", "my model.bin"),
         ("my model.bin", "my model.bin"),
         ("50%.bin", "50%.bin"),
+        ("Model.BIN", "model.bin"),
         ("a%20b.bin", "a%20b.bin"),
         ("sub/deep/x.bin", "sub/deep/x.bin"),
         ("sub\\x.bin", "sub/x.bin"),
@@ -455,6 +456,23 @@ def test_a_glb_is_known_by_its_first_bytes(tmp_path):
     path = tmp_path / "x.VRM"
     path.write_bytes(cube_file().glb())
     assert len(read_mesh(path).faces) == len(CUBE.faces)
+
+
+def test_a_chunk_filled_up_with_zeros_and_a_length_that_leaves_out_the_last(tmp_path):
+    data = bytearray(cube_file().glb())
+    size = struct.unpack_from("<I", data, 12)[0]
+    text = bytes(data[20 : 20 + size]).rstrip()
+    data[20 : 20 + size] = text.ljust(size, b"\0") + b"\0" * 4
+    struct.pack_into("<II", data, 8, len(data) - 40, size + 4)
+    path = tmp_path / "x.glb"
+    path.write_bytes(data)
+    assert len(read_mesh(path).faces) == len(CUBE.faces)
+
+
+def test_a_material_that_is_not_there_has_no_name(tmp_path):
+    gltf = cube_file()
+    gltf.content["meshes"][0]["primitives"][0]["material"] = 7
+    assert read(gltf, tmp_path).part_names == ("",)
 
 
 def test_images_are_not_opened(tmp_path, monkeypatch):
@@ -608,6 +626,11 @@ def test_a_buffer_that_is_not_there_is_named(tmp_path):
     path.write_text(cube_file().text("my%20model.bin"))
     with pytest.raises(FileNotFoundError, match=r"x\.gltf: the file 'my model\.bin' that it names"):
         read_mesh(path)
+    for strange in ("x" * 5000, "a\0b", "."):
+        path.write_text(cube_file().text(strange))
+        with pytest.raises(FileNotFoundError, match="is not there: put it"):
+            read_mesh(path)
+    path.write_text(cube_file().text("my%20model.bin"))
     (tmp_path / "my model.bin").write_bytes(cube_file().data[:-1])
     with pytest.raises(ValueError, match=r"x\.gltf: .*cut short: \d+ of \d+ bytes of buffer 0"):
         read_mesh(path)

@@ -46,7 +46,8 @@ class GltfFile:
         self.path = path
         text, self._chunk = _chunks(memoryview(path.read_bytes() if data is None else data))
         try:
-            content = json.loads(bytes(text).decode("utf-8-sig"))
+            # some writers fill a chunk up with zeros, for spaces
+            content = json.loads(bytes(text).rstrip(b"\0").decode("utf-8-sig"))
         except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
             raise ValueError(f"its JSON cannot be read: {' '.join(str(error).split())}") from None
         if not isinstance(content, dict):
@@ -184,16 +185,25 @@ class GltfFile:
         # the specification asks for percent-encoding; some programs write names as they are
         for name in (unquote(uri), uri, unquote(uri).replace("\\", "/")):
             try:
-                beside = self.path.parent / name
-                if beside.is_file():
-                    with open(beside, "rb") as file:
-                        return file.read(length)
+                beside = _in_any_case(self.path.parent / name)
+                there = beside.is_file()
             except (OSError, ValueError):  # a name that no file can have
                 continue
+            if there:
+                with open(beside, "rb") as file:
+                    return file.read(length)
         raise FileNotFoundError(
             f"{self.path}: the file {quoted(unquote(uri))!r} that it names is not there: put it "
             "beside it, or save it as one .glb file"
         )
+
+
+def _in_any_case(path: Path) -> Path:
+    """Find a file whose name differs in upper and lower case, which some systems do not tell."""
+    if path.exists() or not path.parent.is_dir():
+        return path
+    alike = (one for one in path.parent.iterdir() if one.name.lower() == path.name.lower())
+    return next(alike, path)
 
 
 def _chunks(data: memoryview) -> tuple[memoryview, memoryview | None]:
@@ -211,7 +221,7 @@ def _chunks(data: memoryview) -> tuple[memoryview, memoryview | None]:
     at = 12
     while at + 8 <= length:
         size, kind = struct.unpack_from("<II", data, at)
-        if at + 8 + size > length:
+        if at + 8 + size > len(data):
             raise ValueError("cut short: a chunk reaches beyond the file")
         found.setdefault(kind, data[at + 8 : at + 8 + size])
         at += 8 + size

@@ -147,10 +147,11 @@ def _joints(file: GltfFile, nodes: Nodes, index: Any) -> np.ndarray:
 
 
 def _material(file: GltfFile, entry: dict[str, Any]) -> str:
-    """Name the material of a primitive, "" where it has none."""
-    if "material" not in entry:
+    """Name the material of a primitive, "" where it has none, or the file does not have it."""
+    materials, number = file.all("materials"), entry.get("material")
+    if not isinstance(number, int) or not 0 <= number < len(materials):
         return ""
-    return text_of(file.one("materials", entry["material"]), "name")
+    return text_of(materials[number], "name")
 
 
 def _given_name(file: GltfFile, name: str) -> str:

@@ -33,6 +33,8 @@ def read_step(path: Path) -> Triangles:
         raise NotSupported(
             f"reading {path.suffix.lower()} files needs another package: pip install cascadio"
         ) from None
+    if not hasattr(cascadio, "load"):
+        raise NotSupported("the cascadio that is installed is too old: pip install -U cascadio")
     iges = path.suffix.lower() in (".iges", ".igs")
     kind: Literal["iges", "step"] = "iges" if iges else "step"
     data = path.read_bytes()
