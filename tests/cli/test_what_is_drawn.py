@@ -95,3 +95,13 @@ def test_a_bad_camera_file_is_named(cart, tmp_path):
     camera.write_text('{"projection": "fisheye", "eye": [0, 0, 1], "target": [0, 0, 0]}')
     done = run("extract", cart, "-o", tmp_path / "out.svg", "--camera", camera)
     assert done.exit_code == 1 and "projection is 'fisheye'" in done.stderr
+
+
+def test_where_no_cap_can_be_is_said(tmp_path):
+    ball = trimesh.creation.icosphere(3)
+    path = tmp_path / "bowl.ply"
+    trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 1] < 0.3]).export(path)
+    done = run("extract", path, "-o", tmp_path / "out.svg", "--section", "x:0")
+    assert done.exit_code == 0
+    warning = done.stderr.splitlines()[0]
+    assert warning.startswith("warning: ") and "bowl.ply: it is open where it is cut" in warning

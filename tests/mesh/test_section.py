@@ -7,9 +7,12 @@ from shapes import moebius, sphere, torus
 
 from strokestyle.mesh.curvature import differential_geometry
 from strokestyle.mesh.cut_mesh import FIELDS
+from strokestyle.mesh.messages import MeshWarning
 from strokestyle.mesh.planes import SectionPlane, parse_section
 from strokestyle.mesh.section import _cubic, _form, cut_open
 from strokestyle.mesh.surface import make_surface
+
+pytestmark = pytest.mark.filterwarnings("ignore::strokestyle.mesh.messages.MeshWarning")
 
 EYE = np.array([1.0, 2.0, 3.0, 0.0])  # at infinity: the nearer side is that of the axes' tips
 BOX = trimesh.creation.box((1, 1, 1))
@@ -116,6 +119,7 @@ def test_a_body_wound_the_other_way_than_the_one_around_it_is_a_hollow():
     assert np.allclose(np.cross(out.pdir1, out.pdir2), out.normals)
 
 
+@pytest.mark.filterwarnings("error")  # a room is meant to be open
 def test_a_body_wound_inward_round_others_is_a_room_and_alone_it_is_solid():
     left = cut(surface_of(*BALLS[:2], inward=[0]), "x:0.1")
     assert np.isclose(measures(left)[1], np.pi * 0.35, rtol=0.01)  # of what stands in it
@@ -185,7 +189,8 @@ def test_a_plane_through_vertices_alone():
 def test_open_surfaces_are_cut_without_a_cap():
     bowl = trimesh.creation.icosphere(4)
     bowl = trimesh.Trimesh(bowl.vertices, bowl.faces[bowl.triangles_center[:, 1] < 0.2])
-    left = cut(surface_of(bowl), "x:0")
+    with pytest.warns(MeshWarning, match="open where it is cut"):
+        left = cut(surface_of(bowl), "x:0")
     assert (left.section.source >= 0).all() and not left.closed_faces.any()
     _, _, rim = measures(left)
     assert np.isclose(rim, np.pi + 2 * np.arcsin(0.2), atol=0.05)

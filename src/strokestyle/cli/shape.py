@@ -79,6 +79,7 @@ class Shape:
     def shown(self) -> Surface:
         """The mesh less the parts that are hidden, cut open where the options ask for it."""
         from ..mesh.hide import hide_parts
+        from ..mesh.messages import naming
         from ..mesh.planes import parse_section
         from ..mesh.section import cut_open
 
@@ -88,7 +89,7 @@ class Shape:
                 surface = hide_parts(surface, hide)
             if cuts:
                 planes = [parse_section(text) for text in cuts]
-                with timed("cut it open"):
+                with timed("cut it open"), told_warnings(), naming(self.path):
                     surface = cut_open(surface, planes, self.camera().viewpoint, self.surface)
         except ValueError as error:
             raise ValueError(f"{self.path}: {error}") from None

@@ -10,6 +10,7 @@ import numpy as np
 from .caps import cap_faces
 from .cut_mesh import CutMesh, Rim
 from .hollows import with_hollows
+from .messages import warn
 from .planes import AXES, Plane, SectionPlane
 from .surface import Section, Surface
 from .triangles import unit_rows
@@ -37,7 +38,8 @@ def cut_open(
 
     Returns
     -------
-    Surface, in the frame of the one given, whose `section` tells where it comes from
+    Surface, in the frame of the one given, whose `section` tells where it comes from; a
+    MeshWarning says so where there is no cap
 
     Raises
     ------
@@ -52,7 +54,11 @@ def cut_open(
         _check_crossed(asked, plane, mesh.at["vertices"][mesh.faces], surface)
         mesh = cap_faces(*_below(mesh, plane), plane)
         placed.append(plane)
-    return _surface(mesh, surface, tuple(placed))
+    left = _surface(mesh, surface, tuple(placed))
+    bare = mesh.rim.any(axis=1) & ~left.closed_faces
+    if (bare & ~shell[mesh.source]).any():  # caps, of source -1, have no rim of their own
+        warn("it is open where it is cut, or not a solid: no cap is drawn there")
+    return left
 
 
 def _placed(asked: SectionPlane, whole: Surface, eye: np.ndarray) -> Plane:
