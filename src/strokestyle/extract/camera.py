@@ -353,10 +353,8 @@ def fit_camera(
     if projection == "perspective":
         target = centre + shift[0] * right + shift[1] * down
         return Camera(target + distance * out, target, picture_up, fov_y, width, height)
-    low, high = across.min(axis=1), across.max(axis=1)
-    span = (high - low) / np.array([width / height, 1.0])
-    extent = max(float(span.max()), 1e-6) / (1.0 - 2.0 * MARGIN)
-    target = centre + 0.5 * (low + high) @ np.stack([right, down])
+    extent, shift = _fit_box(across, width / height)
+    target = centre + shift[0] * right + shift[1] * down
     return Camera(target + distance * out, target, picture_up, None, width, height, extent)
 
 
@@ -389,6 +387,16 @@ def _sine_and_cosine(degrees: float) -> tuple[float, float]:
         quarter = int(degrees // 90.0) % 4
         return (0.0, 1.0, 0.0, -1.0)[quarter], (1.0, 0.0, -1.0, 0.0)[quarter]
     return float(np.sin(np.radians(degrees))), float(np.cos(np.radians(degrees)))
+
+
+def _fit_box(across: np.ndarray, aspect: float) -> tuple[float, np.ndarray]:
+    """Find the height of the picture, world units, that holds places (2, V), and its middle (2,).
+
+    `aspect` : width by height of the picture
+    """
+    low, high = across.min(axis=1), across.max(axis=1)
+    span = (high - low) / np.array([aspect, 1.0])
+    return max(float(span.max()), 1e-6) / (1.0 - 2.0 * MARGIN), 0.5 * (low + high)
 
 
 def _fit_pyramid(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -90,6 +91,23 @@ def _check_crossed(asked: SectionPlane, plane: Plane, corners: np.ndarray, frame
 # ----------------------------------------------------------------------------------------- cutting
 
 
+class _Groups(NamedTuple):
+    """Faces by what becomes of them at a plane.
+
+    Parameters
+    ----------
+    odd : (F,) int, the corner that is alone on its side of the plane, where one is
+    left, flat : indices of faces that stay as they are, below the plane and in it
+    one, two : of those cut in two that have one corner below, and two
+    """
+
+    odd: np.ndarray
+    left: np.ndarray
+    flat: np.ndarray
+    one: np.ndarray
+    two: np.ndarray
+
+
 def _below(mesh: CutMesh, plane: Plane) -> tuple[CutMesh, Rim]:
     """Take away what lies beyond a plane, and tell which sides lie in it.
 
@@ -98,38 +116,54 @@ def _below(mesh: CutMesh, plane: Plane) -> tuple[CutMesh, Rim]:
     what is left. Those of open surfaces stay however they look.
     """
     height = plane.height(mesh.at["vertices"])
-    at_corner = height[mesh.faces]
-    under = at_corner < 0.0
-    count = under.sum(axis=1)
-    odd = np.where(count == 1, under.argmax(axis=1), (~under).argmax(axis=1))
-    pointed = (count == 2) & (at_corner[np.arange(len(odd)), odd] == 0.0)
-    one, two = np.flatnonzero(count == 1), np.flatnonzero((count == 2) & ~pointed)
-    flat = np.flatnonzero(_left_in_plane(mesh, plane, at_corner))
-    left = np.flatnonzero((count == 3) | pointed)
-    corners, rims = _turned_first(mesh, odd, [one, two])
+    groups = _grouped(mesh, plane, height)
+    corners, rims = _turned_first(mesh, groups.odd, [groups.one, groups.two])
     mesh, tip, ends = _with_crossings(mesh, height, corners)
-    cut, no = np.zeros(len(two), bool), np.zeros(len(two), bool)
-    rows = [left, flat, one, two, two]
+    along = (height[corners[0][:, 1:]] == 0.0).all(axis=1)  # a side that lies in the plane
+    rows = [groups.left, groups.flat, groups.one, groups.two, groups.two]
     faces = [
-        mesh.faces[left],
-        mesh.faces[flat],
+        mesh.faces[groups.left],
+        mesh.faces[groups.flat],
         np.stack([corners[0][:, 0], tip[:, 0], tip[:, 1]], axis=1),
         np.stack([ends[:, 0], corners[1][:, 1], corners[1][:, 2]], axis=1),
         np.stack([ends[:, 0], corners[1][:, 2], ends[:, 1]], axis=1),
     ]
-    along = (height[corners[0][:, 1:]] == 0.0).all(axis=1)  # a side that lies in the plane
-    rim = [
-        mesh.rim[left],
-        mesh.rim[flat],
-        rims[0] & np.stack([np.ones(len(one), bool), along, np.ones(len(one), bool)], axis=1),
-        np.stack([rims[1][:, 0], rims[1][:, 1], no], axis=1),
-        np.stack([no, rims[1][:, 2], cut], axis=1),
-    ]
-    gone = np.setdiff1d(np.arange(len(odd)), np.concatenate(rows))
+    rim = [mesh.rim[groups.left], mesh.rim[groups.flat], *_rims_of_pieces(rims, along)]
+    gone = np.setdiff1d(np.arange(len(groups.odd)), np.concatenate(rows))
     shut = _sides_in_plane(mesh, gone, height)
     made = mesh.of_faces(np.concatenate(rows), np.concatenate(faces), np.concatenate(rim))
-    start = np.cumsum([0, *map(len, rows)])
-    return made, _rim(made, start, along, shut)
+    return made, _rim(made, np.cumsum([0, *map(len, rows)]), along, shut)
+
+
+def _grouped(mesh: CutMesh, plane: Plane, height: np.ndarray) -> _Groups:
+    """Sort faces by how many of their corners, of `height` (V,), lie below a plane."""
+    at_corner = height[mesh.faces]
+    under = at_corner < 0.0
+    count = under.sum(axis=1)
+    odd = np.where(count == 1, under.argmax(axis=1), (~under).argmax(axis=1))
+    # a corner in the plane and two below: the plane touches the face there
+    pointed = (count == 2) & (at_corner[np.arange(len(odd)), odd] == 0.0)
+    return _Groups(
+        odd,
+        np.flatnonzero((count == 3) | pointed),
+        np.flatnonzero(_left_in_plane(mesh, plane, at_corner)),
+        np.flatnonzero(count == 1),
+        np.flatnonzero((count == 2) & ~pointed),
+    )
+
+
+def _rims_of_pieces(rims: list[np.ndarray], along: np.ndarray) -> list[np.ndarray]:
+    """Hand rims (M, 3) of cut faces down to their pieces: the tips of some, both halves of others.
+
+    `along` (M,) tells of which tips the side in the plane was a side of the face already.
+    """
+    one, two = rims
+    no = np.zeros(len(two), bool)
+    return [
+        np.stack([one[:, 0], one[:, 1] & along, one[:, 2]], axis=1),
+        np.stack([two[:, 0], two[:, 1], no], axis=1),
+        np.stack([no, two[:, 2], no], axis=1),
+    ]
 
 
 def _left_in_plane(mesh: CutMesh, plane: Plane, at_corner: np.ndarray) -> np.ndarray:
@@ -231,27 +265,35 @@ def _between(
         return (1.0 - share) * value[0] + share * value[1]
 
     normals = unit_rows(mixed([end["normals"] for end in ends]))
-    form = mixed([_form(end) for end in ends])
-    first = unit_rows(np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)]))
-    basis = np.stack([first, np.cross(normals, first)], axis=1)  # (M, 2, 3)
-    (uu, uv), (_, vv) = np.einsum("mai,mij,mbj->abm", basis, form, basis)
-    angle, mean, spread = 0.5 * np.arctan2(2 * uv, uu - vv), 0.5 * (uu + vv), 0.5 * (uu - vv)
-    spread = np.hypot(spread, uv)
-    low = mean < 0.0  # the larger curvature by size is then the lower one
-    angle = angle + np.where(low, 0.5 * np.pi, 0.0)
-    pdir1 = np.cos(angle)[:, None] * basis[:, 0] + np.sin(angle)[:, None] * basis[:, 1]
+    k1, k2, pdir1 = _principal(mixed([_form(end) for end in ends]), normals)
     pdir2 = np.cross(normals, pdir1)
     frame = np.stack([pdir1, pdir2], axis=1)
     cubic = np.einsum("mai,mbj,mck,mijk->mabc", *[frame] * 3, mixed([_cubic(e) for e in ends]))
     return {
         "vertices": mixed([end["vertices"] for end in ends]),
         "normals": normals,
-        "k1": np.where(low, mean - spread, mean + spread),
-        "k2": np.where(low, mean + spread, mean - spread),
+        "k1": k1,
+        "k2": k2,
         "pdir1": pdir1,
         "pdir2": pdir2,
         "dcurv": cubic[:, [0, 0, 0, 1], [0, 0, 1, 1], [0, 1, 1, 1]],
     }
+
+
+def _principal(form: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the principal curvatures (M,), the larger by size first, and its direction (M, 3).
+
+    `form` (M, 3, 3) is read in the planes across `normals` (M, 3).
+    """
+    first = unit_rows(np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)]))
+    basis = np.stack([first, np.cross(normals, first)], axis=1)  # (M, 2, 3)
+    (uu, uv), (_, vv) = np.einsum("mai,mij,mbj->abm", basis, form, basis)
+    mean, spread = 0.5 * (uu + vv), np.hypot(0.5 * (uu - vv), uv)
+    low = mean < 0.0  # the larger by size is then the lower one
+    angle = 0.5 * np.arctan2(2.0 * uv, uu - vv) + np.where(low, 0.5 * np.pi, 0.0)
+    direction = np.cos(angle)[:, None] * basis[:, 0] + np.sin(angle)[:, None] * basis[:, 1]
+    sign = np.where(low, -1.0, 1.0)
+    return mean + sign * spread, mean - sign * spread, direction
 
 
 def _form(at: dict[str, np.ndarray]) -> np.ndarray:
