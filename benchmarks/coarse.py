@@ -13,8 +13,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-import mapbox_earcut
 import numpy as np
+from manifold3d import triangulate
 from PIL import Image, ImageDraw
 from scipy.spatial import cKDTree
 
@@ -34,25 +34,25 @@ Mesh = tuple[np.ndarray, np.ndarray]  # vertices (V, 3), faces (F, 3)
 def extrude(profile, low: float, high: float, hole=None) -> Mesh:
     """A prism over a polygon (N, 2) in x and z, from height low to high; with a hole through it."""
     rings = [np.asarray(ring, float) for ring in (profile, hole) if ring is not None]
+    # around a hole the other way than around the outside
+    rings = [ring[::-1] if (area(ring) < 0) == (k == 0) else ring for k, ring in enumerate(rings)]
     flat = np.concatenate(rings)
-    ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
-    cap = mapbox_earcut.triangulate_float64(flat, ends).reshape(-1, 3).astype(np.int64)
-    a, b, c = (flat[cap[:, i]] for i in range(3))
-    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    cap = np.where((area > 0)[:, None], cap[:, ::-1], cap)  # up: clockwise in (x, z)
+    ends = np.cumsum([len(ring) for ring in rings])
+    cap = np.asarray(triangulate(rings), np.int64)[:, ::-1]  # up: clockwise in (x, z)
     count = len(flat)
     floor, roof = (np.insert(flat, 1, height, axis=1) for height in (low, high))
     faces = [cap + count, cap[:, ::-1]]
     for start, ring in zip((0, *ends), rings, strict=False):
-        i = np.arange(len(ring))
-        j = (i + 1) % len(ring)
-        x, z = ring.T
-        outer = (x[i] * z[j] - x[j] * z[i]).sum() < 0
-        if outer == (start > 0):
-            i, j = j, i
-        i, j = i + start, j + start
+        j = start + np.arange(len(ring))
+        i = np.roll(j, -1)
         faces += [np.stack([i, j, j + count], 1), np.stack([i, j + count, i + count], 1)]
     return np.concatenate([floor, roof]), np.concatenate(faces)
+
+
+def area(ring: np.ndarray) -> float:
+    """Measure a polygon (N, 2): positive where it runs from x to z."""
+    x, z = ring.T
+    return float(0.5 * (x * np.roll(z, -1) - np.roll(x, -1) * z).sum())
 
 
 def lathe(profile, around: int) -> Mesh:
