@@ -84,7 +84,7 @@ class BoxLevel(NamedTuple):
     Parameters
     ----------
     low, high : (n, 3), the corners of each node's box
-    first, last : (n,) int, the least and the greatest group in it
+    first, last : (n, k) int, the least and the greatest group in it, in each of k ways to group
     """
 
     low: np.ndarray
@@ -102,11 +102,15 @@ class BoxLevel(NamedTuple):
         )
 
     def meet(self, pairs: np.ndarray) -> np.ndarray:
-        """Tell which pairs of nodes (P, 2) overlap and hold more than one group, (P,) bool."""
-        a, b = pairs.T
-        touch = np.maximum(self.low[a], self.low[b]) <= np.minimum(self.high[a], self.high[b])
-        differ = np.minimum(self.first[a], self.first[b]) < np.maximum(self.last[a], self.last[b])
-        return touch.all(axis=1) & differ
+        """Find the pairs of nodes (P, 2) that overlap and hold several groups each way: indices."""
+        good = np.arange(len(pairs))
+        for first, last in zip(self.first.T, self.last.T, strict=True):
+            a, b = pairs[good].T
+            good = good[np.minimum(first[a], first[b]) < np.maximum(last[a], last[b])]
+        for low, high in zip(self.low.T, self.high.T, strict=True):  # each leaves fewer
+            a, b = pairs[good].T
+            good = good[(low[a] <= high[b]) & (low[b] <= high[a])]
+        return good
 
 
 def overlapping_boxes(low: np.ndarray, high: np.ndarray, group: np.ndarray) -> Iterator[np.ndarray]:
@@ -115,9 +119,11 @@ def overlapping_boxes(low: np.ndarray, high: np.ndarray, group: np.ndarray) -> I
     Boxes (N, 3) to (N, 3) are put in a balanced binary tree along a space-filling curve; the tree
     is descended from pairs of nodes whose boxes overlap to pairs of their children. Nodes within
     one group (N,) are left at once, so that the effort grows with what lies near other groups.
+    Where there are several ways to group, (N, k), both boxes differ in all of them.
     """
     count = len(low)
-    if count < 2 or group.min() == group.max():
+    group = group.reshape(count, -1)
+    if count < 2 or (group.min(axis=0) == group.max(axis=0)).any():
         return
     order = np.argsort(_morton(0.5 * (low + high)), kind="stable")
     levels = _box_tree(low[order], high[order], group[order])
@@ -142,8 +148,8 @@ def _box_tree(low: np.ndarray, high: np.ndarray, group: np.ndarray) -> list[BoxL
         BoxLevel(
             np.pad(low, (pad, (0, 0)), constant_values=np.inf),
             np.pad(high, (pad, (0, 0)), constant_values=-np.inf),
-            np.pad(group, pad, constant_values=group.max()),
-            np.pad(group, pad, constant_values=group.min()),
+            np.concatenate([group, np.tile(group.max(axis=0), (pad[1], 1))]),
+            np.concatenate([group, np.tile(group.min(axis=0), (pad[1], 1))]),
         )
     ]
     for _ in range(depth):

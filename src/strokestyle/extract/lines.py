@@ -10,17 +10,20 @@ import numpy as np
 
 from ..geometry.curves import is_kind, owner
 from ..geometry.kinds import SOFT_KINDS
+from ..mesh.sheets import PLANE
 from ..mesh.surface import Surface
 from ..mesh.triangles import any_corner, row_dot
 from .camera import Camera
 from .chain import chain_segments
 from .line_options import LineOptions
 from .rays import Bvh
+from .seams import Seams
 from .section_lines import cut_curves, opened, section_curves
 from .segments import (
     NEXT_CORNER,
     Facets,
     Segments,
+    Trimmed,
     apparent_segments,
     boundary_segments,
     contour_segments,
@@ -53,10 +56,12 @@ class SurfaceLines:
     ----------
     surface : the shape
     options : which lines, and from what strength on
+    left : (F,) bool, the faces that a cut leaves, where lines of the whole are asked for
     """
 
     surface: Surface
     options: LineOptions = LineOptions()
+    left: np.ndarray | None = None
 
     def seen_from(self, camera: Camera) -> SurfaceCurves:
         """Find all lines of `options.kinds` as a camera sees them, kind by kind in KINDS order.
@@ -75,14 +80,8 @@ class SurfaceLines:
         """
         if self.surface.section is not None:
             return self._cut_from(camera, unseen)
-        surface, options = self.surface, self.options
-        view = ViewFields.of(surface, camera.viewpoint)
-        hard = []
-        if self._wants("contour"):
-            hard.append(contour_segments(surface, view, options, self.facets))
-        if self._wants("crease"):
-            edge = self.crease_edges
-            hard.append(crease_segments(surface, view, options, edge, self.facets))
+        surface, view = self.surface, ViewFields.of(self.surface, camera.viewpoint)
+        hard = self._hard(view, camera)
         parts = [chain_segments(surface, found.shown, camera.up) for found in hard]
         for kind, find in _SOFT_VIEW_KINDS.items():
             if self._wants(kind):
@@ -103,6 +102,26 @@ class SurfaceLines:
         left = [cut_curves(self.surface, shown), self._section]
         return SurfaceCurves.concatenate(left), cut_curves(self.surface, behind)
 
+    def _hard(self, view: ViewFields, camera: Camera) -> list[Trimmed]:
+        """Find the contours and creases, and boundaries where seams are among them."""
+        surface, options, hard = self.surface, self.options, []
+        if self._wants("contour"):
+            hard.append(contour_segments(surface, view, options, self.facets))
+        if self._wants("crease"):
+            edge = self.crease_edges
+            hard.append(crease_segments(surface, view, options, edge, self.facets))
+        if not len(self.seams):
+            return hard
+        if self._wants("boundary"):
+            found = boundary_segments(surface, options)
+            hard.append(Trimmed(found, found.none()))
+        crease = np.radians(options.crease)
+        closed = view.closed_faces & (self.left is None)  # a cut lets one look at the inside
+        drawn = self.seams.drawn(camera.viewpoint, crease, closed)
+        return [
+            Trimmed(*(self.seams.without(surface, part, drawn) for part in found)) for found in hard
+        ]
+
     @cached_property
     def bvh(self) -> Bvh:
         """What finds the faces of the surface that rays hit."""
@@ -112,7 +131,10 @@ class SurfaceLines:
     def _whole(self) -> SurfaceLines:
         """The lines of the surface before it was cut open."""
         assert self.surface.section is not None  # asked only where it was
-        return SurfaceLines(self.surface.section.whole, self.options)
+        section = self.surface.section
+        left = np.zeros(len(section.whole.faces), bool)
+        left[section.source[section.source >= 0]] = True
+        return SurfaceLines(section.whole, self.options, left)
 
     @cached_property
     def _section(self) -> SurfaceCurves:
@@ -138,12 +160,24 @@ class SurfaceLines:
         return Facets.of(self.surface)
 
     @cached_property
+    def seams(self) -> Seams:
+        """What touches the edges that may be drawn: creases, cuts, boundaries, those of facets."""
+        surface = self.surface
+        may = np.zeros(len(surface.edges), bool)
+        if self.facets is not None:
+            may[self.facets.edge] = surface.edge_bends[self.facets.edge] > PLANE
+        may |= surface.edge_face_count != 2
+        may[surface.cut_edges] = may[self.crease_edges] = True
+        seams = Seams.of(surface, np.flatnonzero(may))
+        return seams if self.left is None else seams.among(self.left)
+
+    @cached_property
     def fixed(self) -> SurfaceCurves:
-        """The lines that no camera changes: boundaries, ridges, valleys, intersections."""
+        """The lines that no camera changes: ridges, valleys, intersections, free boundaries."""
         up = np.array([0.0, 1.0, 0.0])
         parts = []
         for kind, find in _SURFACE_KINDS.items():
-            if self._wants(kind):
+            if self._wants(kind) and not (kind == "boundary" and len(self.seams)):
                 parts.append(self._chained(kind, partial(find, self._shown(kind)), up))
         return SurfaceCurves.concatenate(parts)
 

@@ -17,12 +17,13 @@ from ..geometry.curves import KINDS
 from ..mesh.creases import creases
 from ..mesh.surface import Surface
 from ..mesh.triangles import all_corners, any_corner, row_dot
-from .intersections import crossings
+from .intersections import TOUCH, crossings
 from .line_options import LineOptions
 from .surface_curves import barycentric, interpolate_on_faces
 from .view_curvature import ViewFields
 
 MIN_CROSSING = 10.0  # degrees, see intersection_segments
+ON_EDGE = 1e-6  # barycentric: what weighs a corner less lies on the side opposite
 SOFTNESS = 0.03  # of n.v against the derivative, in the strength of suggestive contours
 SAG, LONG = 3e-3, 0.02  # of the longest side of a body; see coarse_faces
 FLAT = 1e-6  # longest sides by which a point lies off a plane that it is in
@@ -784,4 +785,33 @@ def intersection_segments(surface: Surface, options: LineOptions) -> Segments:
     sine = np.sqrt(row_dot(across, across) / np.maximum(square, 1e-30))
     strength = np.ones((len(found), 2))
     segments = Segments(KINDS.index("intersection"), face, bary, found.node, strength)
-    return segments.take(np.flatnonzero(sine > np.sin(np.radians(MIN_CROSSING))))
+    through = sine > np.sin(np.radians(MIN_CROSSING))
+    for own, at, beyond in ((face, bary, other), (other, other_bary, face)):
+        through &= ~_only_touches(surface, own, at, beyond)
+    return segments.take(np.flatnonzero(through))
+
+
+def _only_touches(
+    surface: Surface, face: np.ndarray, bary: np.ndarray, other: np.ndarray
+) -> np.ndarray:
+    """Tell which faces (P,) end, where they meet others (P,), in an edge that is not gone beyond.
+
+    They meet at `bary` (P, 2, 3). The other face at that edge lies on the same side of the plane,
+    or in it: it is the edge that may be a line.
+    """
+    off = bary.max(axis=1) < ON_EDGE
+    at = np.flatnonzero(off.any(axis=1))
+    corner = off[at].argmax(axis=1)
+    edge = surface.face_edges[face[at], (corner + 1) % 3]
+    pair = surface.edge_faces[edge]
+    next_ = np.where(pair[:, 0] == face[at], pair[:, 1], pair[:, 0])
+    apex = surface.weld[surface.faces[next_]]
+    ends = surface.edges[edge]
+    third = apex.sum(axis=1) - ends.sum(axis=1)
+    own = surface.faces[face[at], corner]
+    normal, origin = surface.face_normals[other[at]], surface.vertices[ends[:, 0]]
+    rise = [row_dot(surface.vertices[v] - origin, normal) for v in (own, third)]
+    beyond = (rise[0] * rise[1] < 0.0) & (np.abs(rise[1]) > TOUCH)
+    touches = np.zeros(len(face), bool)
+    touches[at] = (surface.edge_face_count[edge] == 1) | ~beyond
+    return touches
