@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from strokestyle.extract import segments as lines_of_kinds
 from strokestyle.extract.camera import Camera, fit_camera
 from strokestyle.extract.line_options import LineOptions
-from strokestyle.extract.lines import feature_curves
+from strokestyle.extract.lines import feature_curves, flat_folds
 from strokestyle.extract.pipeline import extract_view
 from strokestyle.extract.rays import Bvh
 from strokestyle.extract.segments import coarse_faces
@@ -326,3 +326,23 @@ def test_one_triangle_and_needles():
         for view in ("front", "40,20", "180,0"):
             curves = extract_view(surface, fit_camera(surface.vertices, view)).curves
             assert {KINDS[k] for k in curves.kind} <= {"boundary"} and len(curves)
+
+
+@pytest.mark.parametrize("around", [12, 24])
+def test_the_facets_of_a_can_are_no_soft_lines_however_finely_cut(around):
+    can = lathe([(0, 0), (0.5, 0), (0.5, 1), (0, 1)], around)
+    for mesh in (can, subdivided(*can, 0.04)):
+        surface = make_surface(*mesh)
+        camera = fit_camera(surface.vertices, "30,30", width=300, height=300)
+        curves = extract_view(surface, camera).curves
+        assert {KINDS[kind] for kind in curves.kind} <= {"contour", "crease"}
+
+
+def test_flat_folds_are_no_samples_of_a_smooth_surface():
+    fine = make_surface(*subdivided(*lathe([(0, 0), (0.5, 0), (0.5, 1), (0, 1)], 24), 0.03))
+    fold = flat_folds(fine)
+    upright = np.ptp(fine.vertices[fine.edges[fold], 1], axis=1) > 0
+    assert set(np.round(np.degrees(fine.edge_bends[fold])).tolist()) == {15.0, 90.0}
+    assert np.allclose(np.degrees(fine.edge_bends[fold][upright]), 15.0)
+    for shape in (shapes.sphere(2), shapes.sphere(4), shapes.torus(1.0, 0.4, 32, 16)):
+        assert not len(flat_folds(make_surface(*shape)))

@@ -43,6 +43,8 @@ from .view_curvature import ViewFields
 MAX_SMOOTH = 3.0
 SLIVERS = (0.1, 0.25)  # height of a face by its longest side; see trust_in_shape
 DUPLICATE_FACES, DUPLICATE_EDGES = 3, 14  # see SurfaceLines.near_creases
+FOLD_FACES, FOLD_EDGES = 6, 3
+FLAT_FOLD, FLAT_BESIDE = 8.0, 0.02  # degrees, and a share of them; see flat_folds
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,22 +190,28 @@ class SurfaceLines:
 
     @cached_property
     def near_creases(self) -> np.ndarray:
-        """Faces within DUPLICATE_FACES of a crease that is not cut, (F,) bool.
+        """Faces near a crease or flat fold that is not cut, (F,) bool.
 
-        Creases of fewer than DUPLICATE_EDGES edges are as often the noise of a scan, and do not
-        count.
+        Near a crease is within DUPLICATE_FACES; those of up to DUPLICATE_EDGES edges are as often
+        the noise of a scan, and do not count. Smoothing spreads what bends at once on flat folds:
+        near these is within FOLD_FACES, of more than FOLD_EDGES edges.
         """
+        folds = self._around(flat_folds(self.surface), FOLD_EDGES, FOLD_FACES)
+        return folds | self._around(self.crease_edges, DUPLICATE_EDGES, DUPLICATE_FACES)
+
+    def _around(self, edge: np.ndarray, least: int, faces: int) -> np.ndarray:
+        """Find the faces within some `faces` of uncut edges, in rows of over `least`, (F,) bool."""
         surface = self.surface
-        uncut = np.setdiff1d(self.crease_edges, surface.cut_edges, assume_unique=True)
+        uncut = np.setdiff1d(edge, surface.cut_edges, assume_unique=True)
         segments = edge_segments(surface, uncut, "crease")
         curves = chain_segments(surface, segments, np.array([0.0, 1.0, 0.0]))
         count = np.diff(curves.offsets)
-        rows = np.repeat(count > DUPLICATE_EDGES, count)
+        rows = np.repeat(count > least, count)
         touched = np.zeros(len(surface.vertices), bool)
-        at = curves.bary[rows].argmax(axis=1)  # creases run through vertices
+        at = curves.bary[rows].argmax(axis=1)  # they run through vertices
         touched[surface.faces[curves.face[rows], at]] = True
         near = np.zeros(len(surface.faces), bool)
-        for _ in range(DUPLICATE_FACES):
+        for _ in range(faces if touched.any() else 0):
             near = any_corner(surface.faces, touched)
             touched[surface.faces[near]] = True
         return near
@@ -264,6 +272,23 @@ def feature_curves(
 ) -> SurfaceCurves:
     """Find the lines of a surface as one camera sees them; see `SurfaceLines.seen_from`."""
     return SurfaceLines(surface, options or LineOptions()).seen_from(camera)
+
+
+def flat_folds(surface: Surface) -> np.ndarray:
+    """Find the edges between flat sides at which a mesh bends all at once: indices, ascending.
+
+    All that it bends near such an edge, it bends there: more than FLAT_FOLD, and beside it, at the
+    other sides of both faces, less than FLAT_BESIDE of that. Cut finely, the facets of a can have
+    such edges. Their curvature is that of the mesh, not of the shape, and a fold of less than the
+    crease angle is none of its lines.
+    """
+    bend = surface.edge_bends
+    edge = np.flatnonzero(bend > np.radians(FLAT_FOLD))
+    beside = np.zeros(len(edge))
+    for face in surface.edge_faces[edge].T:
+        for side in surface.face_edges[face].T:
+            beside = np.maximum(beside, np.where(side == edge, 0.0, bend[side]))
+    return edge[beside < FLAT_BESIDE * bend[edge]]
 
 
 def trust_in_shape(surface: Surface) -> np.ndarray:
