@@ -209,21 +209,28 @@ class _Kept:
             if len(new):
                 grids.append(_Grid(lines.xy, new))
 
-    def beside(self, rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Pair rows of kept and of asked points: the first better, and the second beside it."""
+    def beside(
+        self, rows: np.ndarray, gone: np.ndarray | None = None
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Pair rows of kept and of asked points: the first better, and the second beside it.
+
+        Points that are `gone` (N,) by the time that they would be asked again are not.
+        """
         contest = self.contest
         lines, asks = contest.lines, contest.asks[contest.lines.of[rows]]
+        x, y = np.ascontiguousarray(lines.xy.T)
         for who, what in np.ndindex(contest.reach.shape):
             asked, reach = rows[asks == who], float(contest.reach[who, what])
             for grid in self.grids[what]:
+                asked = asked if gone is None else asked[~gone[asked]]
                 for better, worse in grid.near(lines.xy, asked, reach):
-                    between = lines.xy[better] - lines.xy[worse]
-                    good = np.flatnonzero(
-                        (lines.of[better] < lines.of[worse])
-                        & (_row_dot(between, between) <= reach**2 * (1.0 + 1e-9))
-                    )
-                    better, worse = better[good], worse[good]
+                    ahead = better < worse  # rows are in the order of their curves' ranks
+                    better, worse = better[ahead], worse[ahead]
+                    apart = np.square(x[better] - x[worse]) + np.square(y[better] - y[worse])
+                    near = apart <= reach**2 * (1.0 + 1e-9)
+                    better, worse = better[near], worse[near]
                     beside = contest.beside(better, worse)
+                    beside &= lines.of[better] != lines.of[worse]
                     yield better[beside], worse[beside]
 
     def gap(self, rows: np.ndarray) -> np.ndarray:
@@ -264,7 +271,7 @@ def _settle(contest: _Contest) -> np.ndarray:
         rows = lines.offsets[first] + np.flatnonzero(
             (answers & ~gone)[lines.offsets[first] : lines.offsets[last]]
         )
-        for _, worse in kept.beside(rows):
+        for _, worse in kept.beside(rows, gone):
             gone[worse] = True
         last = _batch(contest, first, last, rows[~gone[rows]])
         batch = slice(lines.offsets[first], lines.offsets[last])
