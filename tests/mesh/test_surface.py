@@ -4,12 +4,14 @@ files are."""
 import json
 import os
 import struct
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapes
+import solids
 import trimesh
 
 from strokestyle.mesh.curvature import bounding_radius, corner_areas
@@ -334,6 +336,37 @@ def test_open_surfaces_keep_the_side_of_most_faces():
         outward = np.sign(np.einsum("ij,ij->i", surface.normals, shape.normals))
         assert (outward == (1 if share < 0.5 else -1)).all()
         assert not surface.closed_faces.any()
+
+
+@pytest.mark.parametrize("high", [0.98, 0.9])
+def test_open_but_nearly_closed_bodies_face_outward(high):
+    """A ball with a hole, wound inward, and two, one of them with some faces turned."""
+    ball = shapes.sphere(3)
+    left = ball.vertices[ball.faces].mean(axis=1)[:, 1] < high
+    faces, n = ball.faces[left], len(ball.vertices)
+    mixed = np.where(np.arange(len(faces))[:, None] % 3 == 0, faces, faces[:, ::-1])
+    points = np.vstack([ball.vertices, ball.vertices + [3, 0, 0]])
+    surface = make_surface(points, np.vstack([faces[:, ::-1], mixed + n]))
+    assert not surface.closed_faces.any()
+    middle = surface.original(surface.vertices[surface.faces].mean(axis=1))
+    middle[surface.component == surface.component[-1]] -= [3, 0, 0]
+    assert np.einsum("fi,fi->f", surface.face_normals, middle).min() > 0.9
+
+
+@pytest.mark.parametrize("away, left, said", [(5e6, 24, 1), (50.0, 25, 1), (3.0, 25, 0)])
+def test_a_stray_face_far_off(away, left, said):
+    """It is left out where all else would be a dot, and warned of where that is small."""
+    house, chimney = solids.box((0, 0, 0), (8, 3, 6)), solids.box((5, 2, 3), (5.7, 4, 3.7))
+    stray = solids.Solid(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), [(0, 1, 2)])
+    all_ = solids.together(house, chimney, stray.moved((-8 * away, 0, 0)))
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        surface = make_surface(
+            all_.vertices, all_.faces, part=np.arange(25), part_names=("x",) * 25
+        )
+    assert len(surface.faces) == left and len(found) == said
+    assert np.array_equal(surface.part, np.arange(left))
+    assert all("1 of its 25 faces" in str(one.message) for one in found)
 
 
 def test_a_surface_that_has_no_sides():

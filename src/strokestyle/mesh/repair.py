@@ -14,9 +14,10 @@ from scipy.sparse.csgraph import connected_components
 from ..geometry.curves import runs
 from .creases import creases
 from .curvature import vertex_normals
+from .messages import warn
 from .sheets import part_sheets
 from .stitch import stitch
-from .triangles import Edges, bends, clashes, face_normals, polygon_normals, row_dot
+from .triangles import Edges, bends, clashes, face_normals, polygon_normals, row_dot, scatter_sum
 from .weld import (
     close_cracks,
     drop_flat_faces,
@@ -26,6 +27,11 @@ from .weld import (
     has_area,
 )
 
+STRAY = 1e-3  # of the area: so few faces are not what the mesh is about
+LOST = 1e-3  # of the size of all: what is smaller would be a dot
+# Squared length of a component's boundary over its area, up to which it is nearly closed, as a ball
+# with a jagged hole of half its radius; volume over area to the power of 1.5, of a ball .094.
+NEARLY_CLOSED, LEAST_FILL = 2.0, 0.01
 LONG_EDGE = 0.03  # edges so long that normals must not run from a tip along them
 
 
@@ -43,6 +49,45 @@ def centre_and_scale(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]
     if not 1e-150 < scale < 1e150:
         raise ValueError(f"its size ({2.0 * scale:g}) cannot be handled: rescale it")
     return (points - centre) / (2.0 * scale), centre, 2.0 * scale
+
+
+def left_out(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Find faces (F,) bool that lie so far from the others that these would be less than a pixel.
+
+    Warns of them, and of faces not so far, but beside which all else is small. Only few are meant,
+    STRAY of the area at most.
+    """
+    corner = vertices[faces]
+    low, high = corner.min(axis=1), corner.max(axis=1)
+    size = float(np.ptp(vertices[np.unique(faces)], axis=0).max())
+    if not 0.0 < size < np.inf:
+        return np.zeros(len(faces), bool)
+    side = (corner[:, 1:] - corner[:, :1]) / size
+    cross = np.cross(side[:, 0], side[:, 1])
+    area = np.sqrt(row_dot(cross, cross))
+    limit = 0.5 * STRAY * area.sum()
+    middle, box = 0.5 * low + 0.5 * high, []
+    for axis in middle.T:
+        order = np.argsort(axis)
+        first, last = np.searchsorted(np.cumsum(area[order]), [limit, area.sum() - limit])
+        box.append(axis[order[[first, min(last, len(order) - 1)]]])
+    start, end = np.array(box).T
+    core = ((middle >= start) & (middle <= end)).all(axis=1)
+    if not core.any():
+        return np.zeros(len(faces), bool)
+    start, end = low[core].min(axis=0), high[core].max(axis=0)
+    rest = float((end - start).max())
+    far = ((low > end + rest) | (high < start - rest)).any(axis=1)
+    small = far.any() and area[far].sum() <= STRAY * area.sum() and rest < 0.25 * size
+    if not small:
+        return np.zeros(len(faces), bool)
+    gone = rest < LOST * size
+    what = "left out" if gone else "all else is drawn small; take them out if they are strays"
+    warn(
+        f"{far.sum()} of its {len(faces)} faces lie far from the others, which make but "
+        f"{rest:.3g} of its size of {size:.3g}: {what}"
+    )
+    return far & gone
 
 
 class Mended(NamedTuple):
@@ -108,17 +153,27 @@ def _origins(given: np.ndarray, place: np.ndarray, faces: np.ndarray) -> np.ndar
 def faces_to_flip(points: np.ndarray, faces: np.ndarray, edges: Edges) -> np.ndarray:
     """Find the faces (F,) bool to turn over so that the winding agrees within each component.
 
-    Outward where it is closed, as most faces have it where it is open.
+    Outward where it is closed, or open by NEARLY_CLOSED at most and encloses something all the
+    same; else as most faces have it.
     """
     clash = clashes(faces, edges)
     turn = _majority_turn(edges, clash) if clash.any() else np.zeros(len(faces), bool)
-    component = edges.component
-    closed = np.ones(component.max() + 1, bool)
-    closed[component[edges.at_face(edges.uses == 1)]] = False
-    p0, p1, p2 = (points[faces[:, i]] for i in range(3))
-    signed = np.where(turn, -1.0, 1.0) * row_dot(p0, np.cross(p1, p2))
-    volume = np.bincount(component, weights=signed)
-    return turn ^ (closed & (volume < 0.0))[component]
+    component, count = edges.component, edges.component.max() + 1
+    corner = points[faces]
+    middle = corner.mean(axis=1)
+    of = np.maximum(np.bincount(component, minlength=count), 1)
+    centre = np.stack([scatter_sum(component, axis, count) / of for axis in middle.T], axis=1)
+    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    signed = np.where(turn, -1.0, 1.0) * row_dot(middle - centre[component], cross)
+    volume = np.bincount(component, weights=signed) / 6.0
+    area = 0.5 * np.bincount(component, weights=np.sqrt(row_dot(cross, cross)))
+    rim = edges.uses == 1
+    ends = points[edges.ends[rim]]
+    length = np.sqrt(row_dot(ends[:, 1] - ends[:, 0], ends[:, 1] - ends[:, 0]))
+    around = scatter_sum(component[edges.faces[rim, 0]], length, count)
+    hollow = (around == 0.0) | (volume**2 > LEAST_FILL**2 * area**3)
+    outward = (around**2 <= NEARLY_CLOSED * area) & hollow
+    return turn ^ (outward & (volume < 0.0))[component]
 
 
 def _majority_turn(edges: Edges, clash: np.ndarray) -> np.ndarray:

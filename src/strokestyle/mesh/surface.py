@@ -10,11 +10,13 @@ import numpy as np
 
 from .connectivity import Connectivity
 from .curvature import differential_geometry
+from .messages import naming
 from .planes import Plane
 from .read import read_mesh
 from .repair import (
     centre_and_scale,
     faces_to_flip,
+    left_out,
     mend,
     split_at_creases,
 )
@@ -319,15 +321,16 @@ def load_surface(path: str | Path, smooth: float = 0.0, crease: float = DEFAULT_
     """
     found = read_mesh(path)
     try:
-        return make_surface(
-            found.vertices,
-            found.faces,
-            smooth,
-            crease,
-            found.part,
-            found.part_names,
-            polygon=found.polygon,
-        )
+        with naming(path):
+            return make_surface(
+                found.vertices,
+                found.faces,
+                smooth,
+                crease,
+                found.part,
+                found.part_names,
+                polygon=found.polygon,
+            )
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -375,9 +378,11 @@ def make_surface(
     part = _one_per_face("part", np.zeros(len(faces)) if part is None else part, len(faces))
     polygon = np.arange(len(faces)) if polygon is None else polygon
     polygon = _one_per_face("polygon", polygon, len(faces))
-    points, faces = drop_unused_vertices(vertices, faces)
+    given = np.flatnonzero(~left_out(vertices, faces))
+    points, faces = drop_unused_vertices(vertices, faces[given])
     points, centre, scale = centre_and_scale(points)
     points, faces, kept = mend(points, faces, stitched=not rtsc)
+    kept = given[kept]
     edges = Edges.of(faces, len(points))
     turn = faces_to_flip(points, faces, edges)
     faces, edges = np.where(turn[:, None], faces[:, ::-1], faces), edges.turned(turn)
