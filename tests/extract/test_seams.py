@@ -147,6 +147,16 @@ def test_halves_of_a_ball():
         assert drawn(surface, view) == pytest.approx(drawn(whole, view), rel=1e-2)
 
 
+def test_a_solid_twice_is_drawn_once():
+    """The same prism with its quads cut along the other diagonals; more sides than are merged."""
+    one = solids.prism(20, 1.0)
+    two = solids.Solid(one.vertices, [p[1:] + p[:1] for p in one.polygons])
+    both, alone = of(solids.together(one, two)), of(one)
+    assert len(np.unique(both.component)) == 2
+    for view in VIEWS:
+        assert on_surface(both, view) == pytest.approx(on_surface(alone, view), rel=1e-6)
+
+
 def test_a_wall_welded_in_once_is_no_line():
     both = solids.boxes(2)
     unique, index = np.unique(both.vertices, axis=0, return_inverse=True)

@@ -19,6 +19,7 @@ TOUCH = 1e-5  # of the longest side: a face nearer than this to an edge touches 
 SHORT = 1e-3  # of an edge's length: what touches it over less does not
 LEVEL = 0.02  # sine of the angle between an edge and the plane of a face that may touch it
 ROUNDING = 1e-9
+ALIKE = 0.01  # radians
 MAX_SAME = 64  # edges of one place; where there are more they are not told of each other
 
 
@@ -39,6 +40,7 @@ class Seams:
     angle : (A,) radians in 0..2 pi, the directions of its half planes, ascending
     front : (A,) int8, to which side each face has its front: 1 to larger angles, -1 to smaller
     face : (A,) int
+    again : (S,) bool, stretches that an edge before has just so: coincident bodies draw one line
     """
 
     edge: np.ndarray
@@ -51,6 +53,7 @@ class Seams:
     angle: np.ndarray
     front: np.ndarray
     face: np.ndarray
+    again: np.ndarray
 
     @classmethod
     def of(cls, surface: Surface, edge: np.ndarray) -> Seams:
@@ -61,7 +64,7 @@ class Seams:
         if not len(touch):
             nothing, none = np.zeros(0), np.zeros((0, 3))
             no, first = np.zeros(0, np.int64), np.zeros(1, np.int64)
-            return cls(no, nothing, nothing, none, none, none, first, nothing, no, no)
+            return cls(no, nothing, nothing, none, none, none, first, nothing, no, no, no == 1)
         row, start, end, at = _stretches(contacts, touch)
         middle = frame.low[row] + (0.5 * (start + end))[:, None] * frame.along[row]
         own = _FacesAt.of(surface, edge)
@@ -75,7 +78,8 @@ class Seams:
         first = np.searchsorted(stretch[order], np.arange(len(row) + 1))
         zero, quarter = frame.zero[row], frame.quarter[row]
         planes = angle[order], front[order], face[order]
-        return cls(edge[row], start, end, middle, zero, quarter, first, *planes)
+        again = _repeated(surface, edge)[row]
+        return cls(edge[row], start, end, middle, zero, quarter, first, *planes, again)
 
     def __len__(self) -> int:
         return len(self.edge)
@@ -87,7 +91,7 @@ class Seams:
         stretch, of = np.unique(of, return_inverse=True)
         first = np.searchsorted(of, np.arange(len(stretch) + 1))
         angle, front, face = self.angle[kept], self.front[kept], self.face[kept]
-        columns = ("edge", "start", "end", "middle", "zero", "quarter")
+        columns = ("edge", "start", "end", "middle", "zero", "quarter", "again")
         taken = {name: getattr(self, name)[stretch] for name in columns}
         return Seams(**taken, first=first, angle=angle, front=front, face=face)
 
@@ -113,7 +117,8 @@ class Seams:
         folded = np.abs(np.pi - before - after) > crease
         front = np.where(closed[self.face], self.front, 0)
         in_solid = (front[below] < 0) | (front[above] > 0)
-        return np.where(in_solid, self._folded_anywhere(crease, front), turned_away | folded)
+        line = np.where(in_solid, self._folded_anywhere(crease, front), turned_away | folded)
+        return line & ~self.again
 
     def _folded_anywhere(self, crease: float, front: np.ndarray) -> np.ndarray:
         """Tell round which stretches there is air between two half planes with a fold, (S,) bool.
@@ -359,12 +364,41 @@ def _cut_at_zero(s: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndar
     return start, end
 
 
-def _same_place(surface: Surface, edge: np.ndarray) -> _Contacts:
-    """Find the half planes at edges (M,) of the faces of others that have the same ends."""
+def _places(surface: Surface, edge: np.ndarray) -> np.ndarray:
+    """Name the ends of edges (M,) by their places, the lower first, (M, 2)."""
     used = np.unique(surface.edges[edge])
     place = np.arange(len(surface.vertices))
     place[used] = used[first_at_place(surface.vertices[used])]
-    ends = np.sort(place[surface.edges[edge]], axis=1)
+    return np.sort(place[surface.edges[edge]], axis=1)
+
+
+def _repeated(surface: Surface, edge: np.ndarray) -> np.ndarray:
+    """Tell at which edges (M,) of two faces these lie as those of the first at that place do."""
+    ends, frame = _places(surface, edge), _Frames.of(surface, edge)
+    order = np.lexsort(ends.T)
+    start = runs(*ends[order].T)
+    first = order[np.repeat(start[:-1], np.diff(start))]
+    again, first = order[order != first], first[order != first]
+    both = (surface.edge_face_count[edge[again]] == 2) & (surface.edge_face_count[edge[first]] == 2)
+    again, first = again[both], first[both]
+    pair = [surface.edge_faces[edge[at]] for at in (again, first)]
+    out = []
+    for faces in pair:
+        apex = surface.weld[surface.faces[faces]].sum(axis=2)
+        at = again if faces is pair[0] else first
+        apex -= surface.edges[edge[at]].sum(axis=1)[:, None]
+        rel = surface.vertices[apex] - frame.low[again][:, None]
+        out.append(np.stack([frame.angle(again, rel[:, i]) for i in (0, 1)], axis=1))
+    apart = [np.abs(out[0] - turned) for turned in (out[1], out[1][:, ::-1])]
+    apart = [np.minimum(gap, 2.0 * np.pi - gap).max(axis=1, initial=0.0) for gap in apart]
+    repeated = np.zeros(len(edge), bool)
+    repeated[again[np.minimum(*apart) < ALIKE]] = True
+    return repeated
+
+
+def _same_place(surface: Surface, edge: np.ndarray) -> _Contacts:
+    """Find the half planes at edges (M,) of the faces of others that have the same ends."""
+    ends = _places(surface, edge)
     order = np.lexsort(ends.T)
     start = runs(*ends[order].T)
     size = np.repeat(np.diff(start), np.diff(start))
