@@ -263,7 +263,7 @@ def test_an_eye_in_a_room_sees_its_edges(thick):
 
 def test_edges_are_seen_along_the_faces_that_hold_them():
     """At a grazing angle float32 places a plane before its own edge; from afar it loses digits."""
-    plate = make_surface(*box((-1, -0.01, -1), (1, 0.01, 1)))
+    plate = make_surface(*box((-1, -0.001, -1), (1, 0.001, 1)))
     top = np.flatnonzero(plate.face_normals[:, 1] > 0.9)
     corner = plate.vertices[plate.faces[top]]
     face = np.repeat(top, 9)
@@ -346,3 +346,16 @@ def test_flat_folds_are_no_samples_of_a_smooth_surface():
     assert np.allclose(np.degrees(fine.edge_bends[fold][upright]), 15.0)
     for shape in (shapes.sphere(2), shapes.sphere(4), shapes.torus(1.0, 0.4, 32, 16)):
         assert not len(flat_folds(make_surface(*shape)))
+
+
+def test_a_lift_is_as_wide_as_faces_are_not_as_long():
+    """Smooth points on long thin faces do not rise over a wall that stands close before them."""
+    rod = lathe([(0.1, -2), (0.1, 2)], 48)
+    wall = box((0.13, -2, -0.5), (0.14, 2, 0.5))
+    surface = make_surface(*joined(rod, wall))
+    face = np.flatnonzero(surface.component == surface.component[0])
+    # one body, as in a mesh that is not told apart
+    one = type("One", (), {n: getattr(surface, n) for n in ("vertices", "faces", "normals")})
+    place = surface.vertices[surface.faces[face]].mean(axis=1)
+    eye = np.array([3.0, 0.0, 0.0])
+    assert not Bvh(one).seen(eye, face, place, np.zeros(len(face), bool)).any()
