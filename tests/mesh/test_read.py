@@ -52,6 +52,8 @@ def test_the_same_triangles_as_trimesh(tmp_path):
         b"f 1 2 3\nf 1 2\nf 1\nf 1 3 4\nfo 1 2 3",
         b"f 1//3 2//3 3//3 4//3",
         b"f 1/ 2/ 3/ 4/",
+        b"F 1/1/1 2//2 3 4",
+        b"VN 0 0 1\nVT 1 1\nf 1 2 3\nF 1 3 4\nL 1 2",
     ],
 )
 def test_dialects_of_a_square(faces):
@@ -107,6 +109,13 @@ def test_vertices_may_carry_weights_and_colours():
         1,
         -0.25,
     ]
+
+
+def test_keywords_may_be_capitals():
+    text = SQUARE + b"o Lid\ng Rim\nusemtl Red\nf 1 2 3\no Base\nf 1 3 4\n"
+    capitals = text.replace(b"o L", b"O L").replace(b"g R", b"G R").replace(b"usemtl", b"USEMTL")
+    for ours, theirs in zip(read_obj(text), read_obj(capitals.replace(b"v ", b"V ")), strict=True):
+        assert np.array_equal(ours, theirs)
 
 
 def test_objects_are_parts():
@@ -220,6 +229,11 @@ def test_text_of_two_bytes_a_letter_is_said(tmp_path, encoding):
     path.write_bytes((SQUARE + b"f 1 2 3 4\n").decode().encode(encoding))
     with pytest.raises(ValueError, match="in UTF-16 or UTF-32: save it as plain text, in UTF-8"):
         read_mesh(path)
+    if "utf-16" in encoding:  # letters of other scripts, which have no zeros
+        text = "# \u6b63\u65b9\u5f62 \u3000 Gr\u00f6\u00dfe\n" + SQUARE.decode()
+        path.write_bytes(text.encode(encoding))
+        with pytest.raises(ValueError, match="in UTF-16 or UTF-32"):
+            read_mesh(path)
     path.write_bytes(b"\xef\xbb\xbf" + SQUARE + b"f 1 2 3 4\n")
     assert len(read_mesh(path).faces) == 2  # a mark alone does no harm
 
@@ -288,10 +302,10 @@ def test_parts_of_a_scene_have_the_names_of_nodes_then_of_meshes_and_none_that_w
         (b"v 0 0 0\nv 1 0\nf 1 2 1", "line 2, 'v 1 0': a vertex has three coordinates"),
         (
             SQUARE + b"\r\n# no\r\nf 1 2 9",
-            "line 7, 'f 1 2 9': a face names a vertex that is none of the 4",
+            "line 7, 'f 1 2 9': it names a vertex that does not exist: there are 4, from 1",
         ),
         (SQUARE + b"f 1 2 0", "line 5, 'f 1 2 0'"),
-        (SQUARE + b"f -5 1 2", "none of the 4"),
+        (SQUARE + b"f -5 1 2", "does not exist: there are 4"),
         (b"v 1 2 3\nvn 0 0 1\nv 1 x 3\nf 1 2 1", "line 3, 'v 1 x 3': not a number"),
         (SQUARE + b"f 1 2 3\nf 1 2.5 3", "line 6, 'f 1 2.5 3': not a number"),
     ],

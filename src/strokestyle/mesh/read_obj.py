@@ -15,7 +15,8 @@ from .triangles import Triangles
 
 _SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
 _UNNAMED = {"o": (), "g": ("default",), "usemtl": ("None", "(null)")}  # what programs make up
-_NO_KEYWORDS = bytes.maketrans(b"vf", b"  ")
+_NO_KEYWORDS = bytes.maketrans(b"vfVF", b"    ")
+_SMALL = 0x20  # the bit that makes small letters of capitals
 
 
 def read_obj(data: bytes) -> Triangles:
@@ -49,7 +50,7 @@ class _Lines:
     ----------
     data : bytes, one space between words at least, line feeds at the ends of lines
     start : (L+1,) int, where each line begins in `data`, and an empty one after the last
-    first : (L+1,) uint8, the first byte of each line
+    first : (L+1,) uint8, the first byte of each line, capitals as small letters
     spaced : (L+1,) bool, the second one is a space
     """
 
@@ -71,10 +72,10 @@ class _Lines:
             data = re.sub(rb"\n +", b"\n", data)
         text = np.frombuffer(data, np.uint8)
         start = np.flatnonzero(text == ord("\n"))[:-2] + 1
-        return cls(data, start, text[start], text[start + 1] == ord(" "))
+        return cls(data, start, text[start] | _SMALL, text[start + 1] == ord(" "))
 
     def have(self, keyword: str) -> np.ndarray:
-        """Tell which lines begin with a keyword, (L+1,) bool."""
+        """Tell which lines begin with a keyword, in letters of either case, (L+1,) bool."""
         if len(keyword) == 1:
             return self.spaced & (self.first == ord(keyword))
         found = self.first == ord(keyword[0])
@@ -82,7 +83,7 @@ class _Lines:
             text = np.frombuffer(self.data, np.uint8)
             for i, letter in enumerate(keyword + " "):
                 at = np.minimum(self.start[found] + i, len(text) - 1)
-                found[found] = text[at] == ord(letter)
+                found[found] = text[at] | _SMALL == ord(letter)
         return found
 
     def text(self, line: int) -> str:
@@ -167,7 +168,7 @@ def _read_faces(lines: _Lines, vertices: np.ndarray) -> tuple[np.ndarray, np.nda
     corner = np.where(corner < 0, corner + known, corner - 1)
     lost = (corner < 0) | (corner >= len(vertices))
     if lost.any():
-        what = f"a face names a vertex that is none of the {len(vertices)}"
+        what = f"it names a vertex that does not exist: there are {len(vertices)}, from 1"
         raise lines.error(int(line[np.argmax(lost)]), what)
     faces, polygon = cut_polygons(vertices, corner, count)
     return faces, which[polygon]

@@ -10,7 +10,9 @@ import numpy as np
 from .messages import NotSupported
 
 _MARK = b"\xef\xbb\xbf"  # of UTF-8, at the beginning
-_SAMPLE = 64  # bytes that tell an encoding without a mark
+_SAMPLE = 512  # bytes that tell an encoding without a mark
+_ZEROS = 0.1  # share of zeros, at least, in one half of wide letters
+_MORE = 8  # times as many zeros as in the other half
 
 
 class CutShort(ValueError):
@@ -25,16 +27,26 @@ def one_byte_text(data: bytes) -> bytes:
     if data.startswith(_MARK):
         return data[len(_MARK) :]
     marked = data.startswith((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff"))
-    if marked or any(_in_steps(data[:_SAMPLE], step) for step in (2, 4)):
+    if marked or _is_utf16(data[:_SAMPLE]) or _is_utf32(data[:_SAMPLE]):
         raise NotSupported("its text is in UTF-16 or UTF-32: save it as plain text, in UTF-8")
     return data
 
 
-def _in_steps(start: bytes, step: int) -> bool:
-    """Tell whether each `step` bytes are one letter and zeros: no mark, and yet of wide letters."""
-    columns = [start[i::step] for i in range(step)]
+def _is_utf16(start: bytes) -> bool:
+    """Tell wide letters without a mark by zeros in one half of them, some being of other scripts.
+
+    Binary files have zeros in either half.
+    """
+    low, high = (start[i::2] for i in (0, 1))
+    few, many = sorted((low.count(0), high.count(0)))
+    return many > 1 and many >= max(_ZEROS * len(high), _MORE * few)
+
+
+def _is_utf32(start: bytes) -> bool:
+    """Tell letters of four bytes without a mark: one that is not zero, three that are."""
+    columns = [start[i::4] for i in range(4)]
     letters = [all(column) for column in columns]
-    return len(start) >= 2 * step and sum(letters) == 1 and sum(map(any, columns)) == 1
+    return len(start) >= 8 and sum(letters) == 1 and sum(map(any, columns)) == 1
 
 
 def read_numbers(text: bytes, line: int = 1) -> tuple[np.ndarray, str]:
