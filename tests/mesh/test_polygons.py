@@ -225,6 +225,45 @@ def test_polygons_that_cross_themselves_are_warned_of(corners, times):
         cut(np.pad(U, ((0, 0), (0, 1))), star, eight)
 
 
+BOWS = [
+    [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)],  # the vector area is 0
+    [(0, 0, 0), (3, 0, 0), (0.2, 1, 0), (1, 1, 0)],
+]
+NO_BOWS = [
+    np.pad(ARROW, ((0, 0), (0, 1))),
+    np.pad(TEE, ((0, 0), (0, 1))),
+    [(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 0, 0)],  # there and back
+    [(0, 0, 0), (1, 0, 0.4), (0, 1, 0), (1, 1, -0.4)],  # in no plane
+    [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)],
+    [(0, 0, 0), (0, 0, 0), (1, 0, 0), (0, 1, 0)],
+    [(0, 0, 0), (4, 0, 0), (2, 1e-9, 0), (2, 4, 0)],
+    [(0, 0, 0), (1, 0, 0), (1, 1, np.nan), (0, 1, 0)],
+]
+
+
+def test_quads_that_cross_themselves_are_warned_of():
+    rng = np.random.default_rng(5)
+    bows = [
+        scale * np.roll(bow, first, axis=0)[::way] @ turned(rng).T + rng.normal(size=3)
+        for bow in BOWS
+        for scale, first, way in [(1, 0, 1), (1e-3, 1, -1), (1e3, 2, 1), (1, 3, -1)]
+    ]
+    with pytest.warns(MeshWarning, match="^8 of its faces cross themselves"):
+        cut(*bows, *(np.array(quad, float) for quad in NO_BOWS))
+    star = 1.0 * np.array([(0, 0, 0), (4, 3, 0), (4, 1, 0), (0, 3, 0), (0, 1, 0)])
+    with pytest.warns(MeshWarning, match="^9 of its faces cross themselves"):
+        cut(*bows, star)
+
+
+def test_quads_that_do_not_cross_themselves_are_not():
+    rng = np.random.default_rng(6)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for quad in NO_BOWS:
+            for first in range(4):
+                cut(np.roll(np.array(quad, float), first, axis=0) @ turned(rng).T)
+
+
 def test_polygons_that_touch_themselves_are_not():
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -257,6 +257,8 @@ LIST = "property list uchar int vertex_indices"
         (header("format ascii 1.0", "element vertex 3", XYZ, "element face 1", LIST)
          + b"0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n", "face 1 of 1 names vertex -1"),
         (header("format ascii 1.0", "element vertex 3", XYZ, "element face 1", LIST)
+         + b"0 0 0\n1 0 0\n0 1 0\n3 0 1 4294967295\n", "names vertex 4294967295, which"),
+        (header("format ascii 1.0", "element vertex 3", XYZ, "element face 1", LIST)
          + b"0 0 0\n1 0 0\n0 1 0\n3 0 1 0.5\n", "face 1 of 1 names vertex 0.5"),
         (header("format ascii 1.0", "element vertex 3", XYZ, "element tristrips 1", LIST)
          + b"0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "strip 1 of 1 names vertex 7"),

@@ -43,10 +43,12 @@ def cut_polygons(
     short = int((count < 3).sum())
     if short:
         warn(f"left out: {short} of its {len(count)} faces, which have fewer than three corners")
-    corner = _with_good_diagonals(vertices, corner, count)
+    corner, crossing = _with_good_diagonals(vertices, corner, count)
     faces, polygon = _fans(corner, count)
     if count.size and count.max() > 4:
-        _cut_concave(vertices, corner, count, faces)
+        crossing += _cut_concave(vertices, corner, count, faces)
+    if crossing:
+        warn(f"{crossing} of its faces cross themselves: their triangles overlap")
     return faces, polygon
 
 
@@ -64,9 +66,14 @@ def checked_corners(
     if lost.any():
         at = int(np.argmax(lost))
         polygon = int(np.searchsorted(np.cumsum(count), at, side="right"))
-        name = f"{what} {polygon + 1} of {len(count)} names vertex {values[at]:g}"
+        name = f"{what} {polygon + 1} of {len(count)} names vertex {_whole(values[at])}"
         raise ValueError(f"{name}, which does not exist: there are {vertices}, from 0")
     return corner
+
+
+def _whole(number: np.number) -> str:
+    """Write a number of a file: a whole one with all its digits."""
+    return f"{number:.0f}" if number % 1 == 0 else f"{number:g}"
 
 
 def _fans(corner: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -78,21 +85,30 @@ def _fans(corner: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return corner[np.stack([begin, begin + k + 1, begin + k + 2], axis=1)], polygon
 
 
-def _with_good_diagonals(vertices: np.ndarray, corner: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Let each quad begin at an end of the diagonal to cut it along: corners (C,)."""
+def _with_good_diagonals(
+    vertices: np.ndarray, corner: np.ndarray, count: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """Let each quad begin at an end of the diagonal to cut it along.
+
+    Returns corners (C,), and how many of the quads cross themselves.
+    """
     first = (np.cumsum(count) - count)[count == 4]
     if not len(first):
-        return corner
+        return corner, 0
     at = first[:, None] + np.arange(4)
     with np.errstate(all="ignore"):  # what is not finite compares false
-        other = _second_diagonal(*vertices.T[:, corner[at].T].swapaxes(0, 1))
+        other, crossing = _second_diagonal(*vertices.T[:, corner[at].T].swapaxes(0, 1))
     corner = corner.copy()
     corner[at[other]] = np.roll(corner[at[other]], -1, axis=1)
-    return corner
+    return corner, int(crossing.sum())
 
 
-def _second_diagonal(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+def _second_diagonal(
+    a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Tell which quads to cut from the second corner to the last one, (Q,) bool.
+
+    Returns which (Q,) bool of them cross themselves, too.
 
     `a`, `b`, `c`, `d` : (3, Q), the corners
     """
@@ -103,11 +119,30 @@ def _second_diagonal(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray)
     normal = _cross(ac, bd)
     whole = np.maximum(_dot(normal, normal), TINY)
     # the smaller of the two areas that each diagonal leaves, seen along the normal
-    least_one = np.minimum(_dot(normal, _cross(ab, ac)), _dot(normal, _cross(ac, ad))) / whole
-    least_two = np.minimum(_dot(normal, _cross(ab, ad)), _dot(normal, _cross(bc, bd))) / whole
+    abc, acd, abd, bcd = _cross(ab, ac), _cross(ac, ad), _cross(ab, ad), _cross(bc, bd)
+    least_one = np.minimum(_dot(normal, abc), _dot(normal, acd)) / whole
+    least_two = np.minimum(_dot(normal, abd), _dot(normal, bcd)) / whole
     both = (least_one > SOUND) & (least_two > SOUND)
     shorter = _dot(bd, bd) < SHORTER**2 * _dot(ac, ac)
-    return np.where(both, shorter, least_two > least_one + SOUND**2)
+    other = np.where(both, shorter, least_two > least_one + SOUND**2)
+    return other, ~both & _are_crossing(abc, acd, abd, bcd, ad)
+
+
+def _are_crossing(
+    abc: np.ndarray, acd: np.ndarray, abd: np.ndarray, bcd: np.ndarray, ad: np.ndarray
+) -> np.ndarray:
+    """Tell which flat quads abcd cross themselves, (Q,) bool, by the turns of their triangles.
+
+    Where sides cross, the ends of each are on either side of the other: of the four triangles two
+    turn one way and two the other. (In a convex quad none differ, in one with a notch one does.)
+
+    `abc`, `acd`, `abd`, `bcd` : (3, Q), twice the vector areas of these triangles
+    """
+    turns = np.stack([_dot(abc, one) for one in (abc, acd, abd, bcd)])
+    size = np.abs(turns).max(axis=0)
+    left, right = (turns > SOUND * size).sum(axis=0), (turns < -SOUND * size).sum(axis=0)
+    flat = np.abs(_dot(abc, ad)) < SOUND * np.sqrt(_dot(abc, abc))
+    return (left == 2) & (right == 2) & flat
 
 
 def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -121,8 +156,11 @@ def _dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 def _cut_concave(
     vertices: np.ndarray, corner: np.ndarray, count: np.ndarray, faces: np.ndarray
-) -> None:
-    """Cut the polygons of five corners and more that are not convex anew: their rows of `faces`."""
+) -> int:
+    """Cut the polygons of five corners and more that are not convex anew: their rows of `faces`.
+
+    Returns how many of them cross themselves.
+    """
     many = np.flatnonzero(count > 4)
     size = count[many]
     start = np.cumsum(size) - size
@@ -133,7 +171,7 @@ def _cut_concave(
         plane, has_area = _in_their_planes(vertices[corner], start, owner)
     cut = np.flatnonzero(has_area & ~_are_convex(plane, start, owner))
     if not len(cut):
-        return
+        return 0
     from manifold3d import triangulate
 
     row = (np.cumsum(np.maximum(count - 2, 0)) - np.maximum(count - 2, 0))[many]
@@ -145,16 +183,14 @@ def _cut_concave(
         if len(ears) == n - 2:
             cuts.append(begin + np.asarray(ears, np.int64))
             faces[at : at + n - 2] = corner[cuts[-1]]
-    _warn_of_crossing(plane, np.concatenate(cuts), owner)
+    return _count_crossing(plane, np.concatenate(cuts), owner)
 
 
-def _warn_of_crossing(plane: np.ndarray, cuts: np.ndarray, owner: np.ndarray) -> None:
-    """Warn of polygons some of whose triangles `cuts` (T, 3) turn the other way in the plane."""
+def _count_crossing(plane: np.ndarray, cuts: np.ndarray, owner: np.ndarray) -> int:
+    """Count polygons some of whose triangles `cuts` (T, 3) turn the other way in the plane."""
     a, b, c = (plane[cuts[:, i]] for i in range(3))
     (x, y), (u, v) = (b - a).T, (c - a).T
-    wrong = np.unique(owner[cuts[x * v - y * u < -SOUND, 0]])
-    if len(wrong):
-        warn(f"{len(wrong)} of its faces cross themselves: their triangles overlap")
+    return len(np.unique(owner[cuts[x * v - y * u < -SOUND, 0]]))
 
 
 def _in_their_planes(
