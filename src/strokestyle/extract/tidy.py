@@ -60,8 +60,8 @@ def tidy(
        strength. A crease shorter than `long_crease` px is more often noise than form and competes
        as a soft line, with twice its length. Of what is left, stretches shorter than 6 px go too;
        what would go over less than 4 px stays. Lines that cross are not parallel, so they stay. A
-       hard line that comes up to a better one, or leaves it, goes on for up to 30 px until the two
-       touch, or to the node where it ends.
+       hard line that comes up to a better one, or leaves it, goes on for up to 12 px until the two
+       touch, or for up to 30 px to the node where it ends.
     3. **Joined**, before and after steps 2 and 4: ends at most 4 px apart at first, then `gap` px
        (`contour_gap` between contours), but not farther than the shorter piece is long. Both must
        head for each other within `angle` degrees (1.4 times that for contours), or overlap side by

@@ -36,9 +36,10 @@ MIN_HARD = 8.0  # px; shorter hard lines do not compete by their kind
 FAR_ANGLE, SAME_FORM_ANGLE = 0.4, 0.7  # x merge_angle, beyond merge_soft px
 MAX_HOLE, MAX_NICK, MIN_REMAIN = 3.0, 4.0, 6.0  # px; shorter gaps, cuts and remains are undone
 MERGE_ROUNDS = 32
-# Where a line comes up to a better one: how far it may go on beside it, px; nearer than so many px
-# the two touch; and where it ends there, x merge that they are apart on the way, on average
-MAX_REACH, TOUCH, WEDGE = 30, 0.75, 0.2
+# Where a line comes up to a better one: how far it may go on beside it, px, where it ends there, and
+# where it does not; nearer than so many px the two touch; and where it ends there, x merge that they
+# are apart on the way, on average
+MAX_REACH, MAX_PASSING, TOUCH, WEDGE = 30, 12, 0.75, 0.2
 
 CELL = 4.0  # px, of the grids in which points are sought
 CHUNK = 1 << 18  # pairs of points that are looked at in one go
@@ -380,7 +381,7 @@ def _on_the_way(
     at_end = (count < gap.shape[1]) & ~inside[rows, np.minimum(count, gap.shape[1] - 1)]
     mean = np.where(beside, np.minimum(gap, merge), 0.0).sum(axis=1) / np.maximum(count, 1)
     closes = at_end & (gap[rows, count - 1] <= TOUCH) & (mean >= WEDGE * merge)
-    touching = beside & (gap <= TOUCH)
+    touching = (beside & (gap <= TOUCH))[:, :MAX_PASSING]
     until = np.where(touching.any(axis=1), touching.argmax(axis=1) + 1, 0)
     until = np.where(closes, count, until)
     return np.arange(gap.shape[1]) < until[:, None]
