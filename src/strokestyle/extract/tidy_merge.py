@@ -36,9 +36,9 @@ MIN_HARD = 8.0  # px; shorter hard lines do not compete by their kind
 FAR_ANGLE, SAME_FORM_ANGLE = 0.4, 0.7  # x merge_angle, beyond merge_soft px
 MAX_HOLE, MAX_NICK, MIN_REMAIN = 3.0, 4.0, 6.0  # px; shorter gaps, cuts and remains are undone
 MERGE_ROUNDS = 32
-# Where a line comes up to a better one: how far it may go on beside it, px, where it ends there, and
-# where it does not; nearer than so many px the two touch; and where it ends there, x merge that they
-# are apart on the way, on average
+# Where a line comes up to a better one: how far it may go on beside it, px, where it ends there,
+# and where it does not; nearer than so many px the two touch; and where it ends there, x merge that
+# they are apart on the way, on average
 MAX_REACH, MAX_PASSING, TOUCH, WEDGE = 30, 12, 0.75, 0.2
 
 CELL = 4.0  # px, of the grids in which points are sought

@@ -9,12 +9,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import counting, runs
-from .triangles import Edges, row_dot, unit_rows
+from .triangles import Edges, all_corners, clashes, row_dot, unit_rows
 from .weld import CRACK, DETAIL, shortest_sides
 
 ROUNDS = 8  # of stitching: each splits one side of a face
 ON_SIDE = 2e-5  # of the longest side: a vertex nearer than this to a side lies on it
 ALONG = 20.0  # degrees that a boundary edge at such a vertex turns from the side at most
+FOLDED_BACK = 0.7  # least cosine between a face turned over and each of its neighbours, negated
+LESS = 0.9  # of a face that is folded back, at most so much may still be so once it is mended
 CAP = 1e-3  # of its longest side: a face so low has a corner on that side
 # A side may be spanned by finer ones: their ends lie up to so far from it, of its length (the
 # chord of an arc of 60 degrees), and none of them turns from it by more than the angle.
@@ -107,7 +109,8 @@ def _split(
 def _caps(points: np.ndarray, faces: np.ndarray, edges: Edges) -> tuple[np.ndarray, Stitches]:
     """Find faces (C,) with a corner on their longest side, and where it is on the face beyond.
 
-    Only those are found at once that have nothing to do with each other.
+    So are those that are folded back onto the face beyond one of their sides. Only those are found
+    at once that have nothing to do with each other.
     """
     corner = points[faces]
     along = np.roll(corner, -1, axis=1) - corner
@@ -121,6 +124,8 @@ def _caps(points: np.ndarray, faces: np.ndarray, edges: Edges) -> tuple[np.ndarr
     low = height_square < np.minimum(CAP**2 * long_square, CRACK**2)
     low &= height_square < DETAIL**2 * short_square
     low &= edges.uses[edges.of_side[row, longest]] <= 2
+    flap, under = _flaps(corner, cross, faces, edges)
+    longest[flap], low[flap] = under, True
     cap = np.flatnonzero(low)
     if not len(cap) or len(cap) == len(faces):
         return cap[:0], _none()
@@ -141,6 +146,54 @@ def _caps(points: np.ndarray, faces: np.ndarray, edges: Edges) -> tuple[np.ndarr
 def _none() -> Stitches:
     nothing = np.zeros(0, np.int64)
     return Stitches(nothing, nothing, np.zeros(0))
+
+
+def _flaps(
+    corner: np.ndarray, cross: np.ndarray, faces: np.ndarray, edges: Edges
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find faces (C,) that are folded back onto a neighbour, and the side (C,) between the two.
+
+    Programs that thin out a mesh leave such: a face that looks the other way than all three of its
+    neighbours, and lies on one of them. With its corner on that one's side the fold is gone, or it
+    is smaller, and goes in the next round.
+
+    Parameters
+    ----------
+    corner, cross : (F, 3, 3), the corners of the faces; (F, 3), twice their areas, as vectors
+    """
+    unit = unit_rows(cross)
+    clash = clashes(faces, edges)
+    pair = edges.faces
+    inner = edges.uses == 2
+    against = row_dot(unit[pair[:, 0]], unit[pair[:, 1]]) * np.where(clash, -1.0, 1.0)
+    folded = inner & (against < -FOLDED_BACK)
+    face = np.flatnonzero(all_corners(edges.of_side, folded))
+    if not len(face):
+        return face, face
+    beside = edges.faces[edges.of_side[face]]  # (n, 3, 2)
+    beside = np.where(beside[..., 0] == face[:, None], beside[..., 1], beside[..., 0])
+    size = np.sqrt(row_dot(cross, cross))
+    wrong = np.stack([_still_turned(corner, unit, face, beside[:, i], i) for i in range(3)], axis=1)
+    # the floor of a flat tent looks the other way than its three walls too, and is larger than each
+    wrong[size[beside] <= size[face][:, None]] = np.inf
+    side = wrong.argmin(axis=1)
+    less = wrong[np.arange(len(face)), side] < LESS * size[face]
+    return face[less], side[less]
+
+
+def _still_turned(
+    corner: np.ndarray, unit: np.ndarray, face: np.ndarray, under: np.ndarray, side: int
+) -> np.ndarray:
+    """Measure what is turned over where the corner of faces (n,) opposite a side goes on it.
+
+    That is of the faces `under` (n,) beyond that side: twice the area, (n,).
+    """
+    tip, wrong = corner[face, (side + 2) % 3], np.zeros(len(face))
+    for k in range(3):
+        a, b = corner[under, k], corner[under, (k + 1) % 3]
+        # the side itself is one of the three, run the other way: there the tip lies inside
+        wrong -= np.minimum(row_dot(np.cross(b - a, tip - a), unit[under]), 0.0)
+    return wrong
 
 
 def _on_sides(points: np.ndarray, faces: np.ndarray, edges: Edges, rim: np.ndarray) -> Stitches:
