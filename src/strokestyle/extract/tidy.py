@@ -9,11 +9,9 @@ no room for. Two things bound that. What tells noise from form grows with a canv
 px on its longer side: all lengths that are asked of soft lines, the length up to which creases are
 in doubt, the swarms that they come in, and the gaps between free ends of contours. Noise is as
 large in the picture as the picture is. And below 768 px all lengths shrink with the canvas, so that
-a small picture holds what it can, but to no less than UNIT[0] times. The bounds were chosen by eye,
-from a boot, busts, a pin header and a board with 150 bolts at 256, 768 and 3072 px. At 256 px and
-.33, as the canvas would have it, each pin is a bundle of lines 1 px apart, and at 1 a bust has no
-eyes; at .6 there is one line a side, and the eyes are there. With a ceiling above 1 the bolts stay
-scribbles on a large canvas, and with no growth scans are full of short creases there.
+a small picture holds what it can, but to no less than UNIT[0] times. UNIT[0] was chosen
+by eye from a boot, a bust and a pin header at 256 px, of three values: at .33, as the canvas would
+have it, each pin is a bundle of lines 1 px apart, and at 1 the bust has no eyes.
 """
 
 from __future__ import annotations

@@ -362,12 +362,13 @@ def _reaching(kept: _Kept, gone: np.ndarray) -> np.ndarray:
         gap = np.full(len(gone), np.inf)
         rows = np.unique(way[beside])
         gap[rows] = kept.gap(rows)
-        back.append(way[_on_the_way(gap[way], beside, inside, contest.options.merge)])
+        ends_there = lines.node[way] & beside
+        back.append(way[_on_the_way(gap[way], beside, inside, ends_there, contest.options.merge)])
     return np.unique(np.concatenate(back))
 
 
 def _on_the_way(
-    gap: np.ndarray, beside: np.ndarray, inside: np.ndarray, merge: float
+    gap: np.ndarray, beside: np.ndarray, inside: np.ndarray, node: np.ndarray, merge: float
 ) -> np.ndarray:
     """Tell which points on the way to a better curve stay, (B, n) bool.
 
@@ -376,11 +377,14 @@ def _on_the_way(
     gap : (B, n) px from each point to the better curve
     beside : (B, n) bool, those that go: the first of each row
     inside : (B, n) bool, those that are points of the curve at all
+    node : (B, n) bool, those at which lines end on each other
     """
     rows, count = np.arange(len(gap)), beside.sum(axis=1)
     at_end = (count < gap.shape[1]) & ~inside[rows, np.minimum(count, gap.shape[1] - 1)]
     mean = np.where(beside, np.minimum(gap, merge), 0.0).sum(axis=1) / np.maximum(count, 1)
-    closes = at_end & (gap[rows, count - 1] <= TOUCH) & (mean >= WEDGE * merge)
+    closes = (
+        at_end & node[rows, count - 1] & (gap[rows, count - 1] <= TOUCH) & (mean >= WEDGE * merge)
+    )
     touching = (beside & (gap <= TOUCH))[:, :MAX_PASSING]
     until = np.where(touching.any(axis=1), touching.argmax(axis=1) + 1, 0)
     until = np.where(closes, count, until)
