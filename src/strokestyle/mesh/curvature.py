@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -17,6 +17,8 @@ Blur = Callable[[np.ndarray], np.ndarray]
 
 BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
 MIN_SORTED = 8  # steps of smoothing, from which on it pays to put vertices in order
+HUB = 64  # faces round a vertex, more than which are a fan rather than a surface round a point
+RING_PAIRS = 1 << 20  # pairs of a vertex and a face near it that are looked at in one go
 MAX_EXTRAPOLATED = 30.0  # degrees that an extrapolated normal may turn from the averaged one
 
 
@@ -62,31 +64,61 @@ def _extrapolate_boundary_normals(
     rim = np.unique(edges.ends[edges.uses == 1])
     if not len(rim):
         return normals
-    vertex, face = _two_rings(faces, rim, len(vertices))
-    side = side_vectors(vertices, faces[face])
+    normals = normals.copy()
+    for some, vertex, face in _two_rings(faces, rim, len(vertices)):
+        fitted = _fitted_normals(vertices, faces[face], vertex, normals[some], vertices[some])
+        good = row_dot(fitted, normals[some]) > np.cos(np.radians(MAX_EXTRAPOLATED))
+        normals[some[good]] = fitted[good]
+    return normals
+
+
+def _fitted_normals(
+    vertices: np.ndarray, corners: np.ndarray, vertex: np.ndarray, axis: np.ndarray, at: np.ndarray
+) -> np.ndarray:
+    """Fit linear fields of normals round places `at` (M, 3): the unit normals there, (M, 3).
+
+    Parameters
+    ----------
+    corners : (P, 3) int, faces
+    vertex : (P,) int, the place that each of them tells of
+    axis : (M, 3) unit normals, across which the fields change
+    """
+    side = side_vectors(vertices, corners)
     cross = np.cross(side[0], side[1])
     area = np.sqrt(row_dot(cross, cross))
-    x, y = _tangent_frame(normals[rim])
-    away = vertices[faces[face]].mean(axis=1) - vertices[rim[vertex]]
+    x, y = _tangent_frame(axis)
+    away = vertices[corners].mean(axis=1) - at[vertex]
     along = row_dot(away, x[vertex]), row_dot(away, y[vertex])
-    at = np.stack([np.ones(len(vertex)), *along], axis=1)
-    fitted = _fit_linear(vertex, at, area, cross / np.maximum(area, TINY)[:, None], len(rim))
-    good = row_dot(fitted, normals[rim]) > np.cos(np.radians(MAX_EXTRAPOLATED))
-    normals = normals.copy()
-    normals[rim[good]] = fitted[good]
-    return normals
+    where = np.stack([np.ones(len(vertex)), *along], axis=1)
+    return _fit_linear(vertex, where, area, cross / np.maximum(area, TINY)[:, None], len(at))
 
 
 def _two_rings(
     faces: np.ndarray, chosen: np.ndarray, vertices: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Pair `chosen` vertices (M,) with the faces within two rings: index into it, and face."""
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Pair `chosen` vertices (M,) with the faces within two rings, some vertices at a time.
+
+    The second ring is not sought beyond a vertex of more than HUB faces, such as the middle of a
+    fan: each of its neighbours would be paired with all of the fan.
+
+    Yields
+    ------
+    the vertices (m,), and pairs of an index into them and a face, (P,) each: about RING_PAIRS
+    """
     corner_face = np.repeat(np.arange(len(faces)), 3)
     touches = csr_matrix(
-        (np.ones(faces.size), (faces.ravel(), corner_face)), shape=(vertices, len(faces))
+        (np.ones(faces.size, np.float32), (faces.ravel(), corner_face)),
+        shape=(vertices, len(faces)),
     )
-    pairs = (touches[chosen] @ touches.T @ touches).tocoo()
-    return pairs.row, pairs.col
+    valence = np.diff(touches.indptr)
+    passed = np.where(valence <= HUB, valence, 0)
+    onward = touches.multiply((valence <= HUB)[:, None]).tocsr()
+    pairs = touches[chosen] @ (1 + passed[faces].sum(axis=1))
+    part = np.cumsum(pairs) // RING_PAIRS
+    for some in np.split(chosen, np.flatnonzero(np.diff(part)) + 1):
+        own = touches[some]
+        found = (own @ onward.T @ onward + own).tocoo()
+        yield some, found.row, found.col
 
 
 def _fit_linear(

@@ -29,6 +29,9 @@ MAX_WAYS = 32  # boundary edges at a vertex; where there are more nothing is fol
 INWARD = 0.5
 PIECES = 2  # per boundary edge, on average, that long ones are looked along in
 SIZES = 3  # of pieces to an octave, that are looked round from alike
+MAX_CROWD = 24.0  # vertices round a piece, on average; where there are more, pieces are halved
+HALVINGS = 7  # at most, by way of trying
+PROBES = 128  # pieces, by which that is told
 CHUNK = 1 << 17  # pieces looked at together: bounds memory
 
 
@@ -238,29 +241,42 @@ def _near(
     """Yield edges, rows of `ends` (R, 2), and vertices, of `vertex` (n,), that may lie on them.
 
     Edges are looked round from their middles, those of like length together; long ones piece by
-    piece, so that the effort grows with what lies near.
+    piece, the shorter the more vertices there are about, so that the effort grows with what lies
+    near.
     """
     tree = cKDTree(points[vertex])
     along = points[ends[:, 1]] - points[ends[:, 0]]
     length = np.sqrt(row_dot(along, along))
     step = max(4.0 * float(np.median(length)), float(length.mean()) / PIECES)
-    count = np.ceil(np.maximum(length / step, 1.0)).astype(np.int64)
-    row = np.repeat(np.arange(len(ends)), count)
-    middle = (counting(count) + 0.5) / count[row]
-    middle = points[ends[row, 0]] + middle[:, None] * along[row]
-    size = np.floor(SIZES * np.log2(np.maximum(length / count, CRACK)))[row]
-    order = np.argsort(size, kind="stable")
+    for _ in range(HALVINGS):
+        count = np.ceil(np.maximum(length / step, 1.0)).astype(np.int64)
+        row = np.repeat(np.arange(len(ends)), count)
+        middle = (counting(count) + 0.5) / count[row]
+        middle = points[ends[row, 0]] + middle[:, None] * along[row]
+        size = np.floor(SIZES * np.log2(np.maximum(length / count, CRACK)))[row]
+        reach = 0.5 * 2.0 ** ((size + 1.0) / SIZES) + CRACK
+        order = np.argsort(size, kind="stable")
+        crowd = _crowd(tree, middle[order], reach[order])
+        if crowd <= MAX_CROWD:
+            break
+        step *= 0.5
+    many = int(np.clip(CHUNK * MAX_CROWD / max(crowd, 1.0), 1, CHUNK))
     start = runs(size[order])
     for first, last in zip(start[:-1], start[1:], strict=True):
-        reach = 0.5 * 2.0 ** ((size[order[first]] + 1.0) / SIZES) + CRACK
-        for i in range(first, last, CHUNK):
-            piece = order[i : min(i + CHUNK, last)]
+        for i in range(first, last, many):
+            piece = order[i : min(i + many, last)]
             found = cKDTree(middle[piece]).sparse_distance_matrix(
-                tree, reach, output_type="ndarray"
+                tree, reach[piece[0]], output_type="ndarray"
             )
             at, other = row[piece[found["i"]]], vertex[found["j"]]
             apart = (ends[at] != other[:, None]).all(axis=1)
             yield at[apart], other[apart]
+
+
+def _crowd(tree: cKDTree, places: np.ndarray, reach: np.ndarray) -> float:
+    """Estimate how many points of a tree lie within `reach` (n,) of places (n, 3), on average."""
+    some = np.linspace(0, len(places) - 1, min(len(places), PROBES)).astype(np.int64)
+    return float(tree.query_ball_point(places[some], reach[some], return_length=True).mean())
 
 
 class _Ways(NamedTuple):
