@@ -5,6 +5,7 @@ import pytest
 import shapes
 import solids
 
+from strokestyle.extract import seams
 from strokestyle.extract.camera import fit_camera
 from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.lines import SurfaceLines
@@ -262,8 +263,6 @@ def test_what_touches_nothing_has_no_seams():
 
 def test_few_are_asked_about_each_other(monkeypatch):
     """What is looked at grows with the bodies that touch, not with their square."""
-    from strokestyle.extract import seams
-
     counts, plain = [], seams._touching
     for many in (8, 32):
         seen = []
@@ -291,3 +290,22 @@ def test_an_eye_in_every_direction_sees_the_same_solid():
             ]
             one, two = (curves.lengths().sum() for curves in found)
             assert one == pytest.approx(two, rel=5e-3), (around, up)
+
+
+def test_in_a_heap_of_faces_few_are_asked_what_they_touch(monkeypatch):
+    rng, asked = np.random.default_rng(0), []
+    surface = make_surface(rng.normal(size=(900, 3)), np.arange(900).reshape(-1, 3))
+    edge = np.flatnonzero(surface.edge_face_count == 1)
+    touching = seams._touching
+    monkeypatch.setattr(
+        seams,
+        "_touching",
+        lambda frame, row, *rest: asked.append(len(row)) or touching(frame, row, *rest),
+    )
+    seams._contacts(surface, edge)
+    assert sum(asked) > 0
+    asked.clear()
+    monkeypatch.setattr(seams, "NEAR_FLOOR", 0)
+    monkeypatch.setattr(seams, "MAX_NEAR", 4)
+    assert not len(seams._contacts(surface, edge).row)
+    assert not sum(asked)

@@ -209,11 +209,11 @@ def test_few_are_asked_about_each_other(long):
 
 def test_a_heap_of_long_edges_is_looked_at_piece_by_piece():
     rng, counts = np.random.default_rng(0), []
-    for n in (1000, 4000):
+    for n in (500, 8000):
         points = rng.random((2 * n, 3))  # edges as long as the heap: each is near thousands of ends
         ends = np.arange(2 * n).reshape(n, 2)
         counts.append(sum(len(row) for row, _ in module._near(points, ends, np.unique(ends))) / n)
-    assert counts[1] < 2.0 * counts[0] and counts[1] < 500
+    assert counts[1] < 8.0 * counts[0] and counts[1] < 500  # of all pairs, 16 times as many
 
 
 def test_soups_are_no_trouble():

@@ -20,6 +20,7 @@ SHORT = 1e-3  # of an edge's length: what touches it over less does not
 LEVEL = 0.02  # sine of the angle between an edge and the plane of a face that may touch it
 ROUNDING = 1e-9
 ALIKE = 0.01  # radians
+MAX_NEAR, NEAR_FLOOR = 96, 1 << 22  # pairs of an edge and a face, for each; and in any case
 MAX_SAME = 64  # edges of one place; where there are more they are not told of each other
 
 
@@ -275,19 +276,30 @@ class _Contacts:
 
 
 def _contacts(surface: Surface, edge: np.ndarray) -> _Contacts:
-    """Find what touches edges (M,): faces of other bodies, and those at edges of the same place."""
+    """Find what touches edges (M,): faces of other bodies, and those at edges of the same place.
+
+    Where boxes of more than MAX_NEAR faces meet that of an edge, on average, the mesh is a heap of
+    faces and no shape made of parts: there those at edges of the same place alone are found.
+    """
     parts = [_same_place(surface, edge)]
     body = surface.component
     if len(edge) and np.ptp(body):
         corner = surface.vertices[surface.faces]
         ends = surface.vertices[surface.edges[edge]]
+        # less the ends: what touches no more than these is no contact
+        ends = ends + SHORT * (ends[:, ::-1] - ends)
         low = np.concatenate([ends.min(axis=1) - TOUCH, corner.min(axis=1)])
         high = np.concatenate([ends.max(axis=1) + TOUCH, corner.max(axis=1)])
         of_edge = body[surface.edge_faces[edge, 0]]
         is_face = np.repeat([0, 1], [len(edge), len(corner)])
         group = np.stack([np.r_[of_edge, body], is_face], axis=1)
         frame, normal = _Frames.of(surface, edge), surface.face_normals
+        same, left = len(parts), max(MAX_NEAR * len(low), NEAR_FLOOR)
         for pairs in overlapping_boxes(low, high, group):
+            left -= len(pairs)
+            if left < 0:
+                del parts[same:]
+                break
             row, face = pairs[:, 0], pairs[:, 1] - len(edge)
             near = _near_plane(frame, row, corner[face, 0], normal[face])
             row, face = row[near], face[near]
