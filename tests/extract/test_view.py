@@ -11,6 +11,7 @@ from PIL import Image
 from scipy.spatial import cKDTree
 from shapes import cube, wheel
 
+from strokestyle.extract import visible
 from strokestyle.extract.camera import Camera, fit_camera
 from strokestyle.extract.feature_maps import (
     CLIP,
@@ -21,7 +22,7 @@ from strokestyle.extract.feature_maps import (
     plain_raster,
 )
 from strokestyle.extract.line_options import LineOptions
-from strokestyle.extract.lines import feature_curves
+from strokestyle.extract.lines import SurfaceLines, feature_curves
 from strokestyle.extract.pipeline import extract_view, faces_of, view_of_curves, view_of_lines
 from strokestyle.extract.rays import Bvh
 from strokestyle.extract.view import View
@@ -793,3 +794,22 @@ def test_lines_without_a_shape_keep_their_parts():
     assert (
         view.curve_parts.index.tolist() == [1, 0, -1] and view_of_lines(lines, 40, 40).parts is None
     )
+
+
+def test_lines_are_asked_some_at_a_time(monkeypatch):
+    surface = make_surface(*cube())
+    camera = fit_camera(surface.vertices, "20,10", width=512, height=512)
+    lines = SurfaceLines(surface)
+    found, asked = lines.seen_from(camera), []
+    whole = look_along(surface, camera, found, lines.bvh)
+
+    class Counted:
+        def seen(self, eye, face, *rest):
+            asked.append(len(face))
+            return lines.bvh.seen(eye, face, *rest)
+
+    monkeypatch.setattr(visible, "CHUNK", 100)
+    parts = look_along(surface, camera, found, Counted())
+    assert max(asked) <= 100 < sum(asked)
+    for name in ("xy", "strength", "face", "line", "inside", "seen"):
+        assert np.array_equal(getattr(parts, name), getattr(whole, name)), name

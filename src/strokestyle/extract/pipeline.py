@@ -68,6 +68,7 @@ def extract_view(
         away = _hidden_fragments(sight, look_along(surface, camera, unseen, None))
         apart = _apart_from(seen.strokes, away, camera)
         behind = _tidied(surface, camera, apart, spacing)
+    del found, unseen, sight  # of millions of points, where lines lie behind one another
     maps = feature_maps(surface, camera, seen.curves, lines.bvh)
     view = View(camera, seen.curves, maps, behind.curves)
     return _with_parts(view, surface, seen.faces, behind.faces)

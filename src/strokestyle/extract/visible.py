@@ -18,6 +18,7 @@ from .view_curvature import closed_from
 
 SAMPLE = 1.0  # px between the points at which a line is asked whether it is seen
 FLICKER = 2.5  # px
+CHUNK = 1 << 18  # points that are asked in one go: bounds memory
 ON_EDGE = 1e-9  # a barycentric coordinate of a point that is on the side opposite
 CANVAS_SLACK = 1e-6  # px that a point on the very edge of the canvas may lie outside
 
@@ -104,18 +105,30 @@ def look_along(
     points = lines.points(surface)
     row, t = _sample_places(points, lines.offsets, camera)
     line = owner(lines.offsets)[row]
-    after = np.minimum(row + 1, lines.offsets[1:][line] - 1)
-    node = points[row] + t[:, None] * (points[after] - points[row])
-    strength = lines.strength[row] + t * (lines.strength[after] - lines.strength[row])
-    xy, inside = _on_canvas(node, camera)
-    face, seen = lines.face[row], np.zeros(len(line), bool)
+    xy, strength = np.empty((len(row), 2)), np.empty(len(row))
+    inside, seen = np.zeros((2, len(row)), bool)
+    sharp, side = np.zeros(len(points), bool), np.zeros(0)
     if bvh is not None:
-        ask = np.flatnonzero(inside)
-        sharp = is_kind(lines.kind, SHARP_KINDS)[line] | _on_silhouette(surface, camera, lines)[row]
-        side = _sides(surface, camera, lines, points)[row]
-        seen[ask] = bvh.seen(camera.viewpoint, face[ask], node[ask], sharp[ask], side[ask])
+        sharp = is_kind(lines.kind, SHARP_KINDS)[owner(lines.offsets)]
+        sharp |= _on_silhouette(surface, camera, lines)
+        side = _sides(surface, camera, lines, points)
+    for first in range(0, len(row), CHUNK):
+        some = slice(first, first + CHUNK)
+        here, share = row[some], t[some]
+        after = np.minimum(here + 1, lines.offsets[1:][line[some]] - 1)
+        place = points[here] + share[:, None] * (points[after] - points[here])
+        change = lines.strength[after] - lines.strength[here]
+        strength[some] = lines.strength[here] + share * change
+        xy[some], inside[some] = _on_canvas(place, camera)
+        if bvh is not None:
+            ask = np.flatnonzero(inside[some])
+            at = here[ask]
+            seen[first + ask] = bvh.seen(
+                camera.viewpoint, lines.face[at], place[ask], sharp[at], side[at]
+            )
+    if bvh is not None:
         seen = _without_flicker(seen, line, xy)
-    return SampledLines(lines, xy, strength, face, line, inside, seen)
+    return SampledLines(lines, xy, strength, lines.face[row], line, inside, seen)
 
 
 def _on_silhouette(surface: Surface, camera: Camera, lines: SurfaceCurves) -> np.ndarray:
