@@ -62,6 +62,19 @@ def test_what_would_do_is_said_of_files_that_are_not_read(tmp_path, name, messag
     assert text.startswith(f"{path}: ") and message in text and "\n" not in text
 
 
+@pytest.mark.parametrize("suffix", sorted({*READERS, *SCENES, ".zip"}))
+def test_what_sites_give_in_place_of_a_mesh_is_said(tmp_path, suffix):
+    path = tmp_path / f"x{suffix}"
+    path.write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
+    with pytest.raises(ValueError, match="a pointer to the mesh, of Git LFS: `git lfs pull`"):
+        read_mesh(path)
+    for page in (b"\n<!DOCTYPE html>\n<html>", b"<!-- x --><HTML lang=en>", b"<html>"):
+        path.write_bytes(page)
+        with pytest.raises(ValueError) as caught:
+            read_mesh(path)
+        assert str(caught.value) == f"{path}: a web page, not a mesh: download the mesh itself"
+
+
 def test_no_advice_is_given_on_what_is_read():
     for suffix in {*READERS, *SCENES, ".zip"}:
         assert "not a mesh format" in what_would_do(suffix)
@@ -312,7 +325,7 @@ def test_what_is_wrong_with_an_archive_is_named(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"x\.zip: larger than"):
         read_mesh(inner)
     path.write_bytes(inner.read_bytes()[:-20])
-    with pytest.raises(ValueError, match=r"x\.zip: .*its zip archive cannot be read"):
+    with pytest.raises(ValueError, match=r"x\.zip: .*cut short: the end of its zip archive"):
         read_mesh(path)
 
 

@@ -127,7 +127,8 @@ def test_solids_are_parts():
         (TEXT.replace("vertex 0 0 0", "vertex 0 0", 1), "6 vertices have 17 numbers"),
         (TEXT.replace("vertex 0 0 0\n", "", 1), "2 triangles have 5 vertices, not three each"),
         ("solid nothing\nendsolid nothing\n", "no faces in it"),
-        ("<html>not found</html>" * 20, "neither text that begins with 'solid' nor binary"),
+        ("<html>not found</html>" * 20, "a web page, not a mesh: download the mesh itself"),
+        (TEXT[: TEXT.rindex("outer")], "cut short: it ends within triangle 2"),
         ("\x89PNG", "neither"),
         (TEXT.encode("utf-16"), "UTF-16"),
         (TEXT.encode("utf-16-le"), "UTF-16"),
@@ -140,6 +141,17 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, data, message):
         read_mesh(path)
     assert str(caught.value).startswith(f"{path}: ") and message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_text_without_an_end_may_be_cut_short():
+    whole = TEXT[: TEXT.rindex("endsolid")]
+    for text in (whole, whole + "endso", TEXT[: TEXT.rindex("endloop") + 7]):
+        with pytest.warns(MeshWarning, match="perhaps cut short: no 'endsolid' behind its 2 tri"):
+            assert len(read_stl(text.encode()).faces) == 2
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for text in (TEXT, TEXT.upper(), whole + "end solid", whole + "endsolid a facet of it"):
+            assert len(read_stl(text.encode()).faces) == 2
 
 
 def test_cut_anywhere_is_an_error_or_all_whole_triangles():

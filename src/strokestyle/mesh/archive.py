@@ -39,9 +39,18 @@ def unpacked(path: Path, suffixes: Collection[str]) -> Iterator[Path]:
                 text = str(error).replace(f"{inner}: ", "")
                 raise NotSupported(f"{quoted(name)!r} in it: {text}") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-        raise ValueError(f"its zip archive cannot be read: {error}") from None
+        raise zip_problem(path, error) from None
     except RuntimeError as error:  # zipfile's word for a password
         raise NotSupported(f"it is encrypted ({error}): unpack it first") from None
+
+
+def zip_problem(path: Path, error: Exception) -> ValueError:
+    """Make the error for a zip archive that cannot be read; its list of files is at its end."""
+    with open(path, "rb") as file:
+        begins = file.read(4) == b"PK\3\4"
+    if begins and not zipfile.is_zipfile(path):
+        return ValueError("cut short: the end of its zip archive is not there")
+    return ValueError(f"its zip archive cannot be read: {error}")
 
 
 def _the_mesh(archive: zipfile.ZipFile, suffixes: Collection[str]) -> str:

@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..files import quoted
+from .messages import warn
 from .pieces import check_corners, label
 from .polygons import cut_polygons
 
@@ -142,6 +143,9 @@ def _corners(element: Element | None, layout: _Layout) -> np.ndarray:
 
 def _triangles(primitive: Element, layout: _Layout, vertices: np.ndarray, name: str) -> _Faces:
     rows = [_corners(p, layout) for p in primitive.findall("p")]
+    spare = sum(len(corners) % 3 for corners in rows)
+    if spare:
+        warn(f"left out: corners that make no triangle ({spare})")
     faces = [corners[: len(corners) // 3 * 3].reshape(-1, 3) for corners in rows]
     found = np.concatenate([np.zeros((0, 3), np.int64), *faces])
     check_corners(found, len(vertices), name)
@@ -235,6 +239,16 @@ _READERS = {
 }
 
 
+def _no_number(text: str) -> str:
+    """Find the first word of a text that is no number."""
+    for word in text.split():
+        try:
+            float(word)
+        except ValueError:
+            return quoted(word[:20])
+    return quoted(text.split()[0][:20])
+
+
 def numbers_of(element: Element, count: int = -1, kind: type = np.float64) -> np.ndarray:
     """Read the numbers of an element's text, of which there must be `count` unless that is -1."""
     text = element.text or ""
@@ -247,7 +261,7 @@ def numbers_of(element: Element, count: int = -1, kind: type = np.float64) -> np
             try:
                 values = np.fromstring(text, kind, sep=" ")
             except (ValueError, DeprecationWarning):
-                raise ValueError(f"a word in <{element.tag}> is no number") from None
+                raise ValueError(f"{_no_number(text)!r} in <{element.tag}> is no number") from None
     if count not in (-1, len(values)):
         raise ValueError(f"<{element.tag}> has {len(values)} numbers for {count}")
     return values

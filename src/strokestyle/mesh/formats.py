@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 USE = "use obj, ply, stl, off, glb, 3mf, dae or step"
 _EXPORT = "File > Export > glTF 2.0 makes a .glb of it"
 _IMPORT = f"in Blender, File > Import, then {_EXPORT}; or `assimp export IN OUT.glb`"
@@ -46,6 +48,21 @@ _ADVICE |= dict.fromkeys(
     (".png", ".jpg", ".jpeg", ".gif", ".svg", ".tif", ".tiff", ".webp", ".pdf", ".bmp"), _PICTURE
 )
 _ADVICE |= dict.fromkeys((".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar", ".tar", ".zst"), _UNPACK)
+
+
+_WEB_PAGE = re.compile(rb"\s*(<!--.*?-->\s*)?<(!doctype\s+html|html)\b", re.IGNORECASE | re.DOTALL)
+
+
+def what_was_saved(start: bytes) -> str:
+    """Say, of a file's first bytes, that they are no mesh but what a site gave in place of one.
+
+    "" where they are none of these.
+    """
+    if start.startswith(b"version https://git-lfs."):
+        return "only a pointer to the mesh, of Git LFS: `git lfs pull` fetches the mesh itself"
+    if _WEB_PAGE.match(start):
+        return "a web page, not a mesh: download the mesh itself"
+    return ""
 
 
 def what_would_do(suffix: str) -> str:

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..files import quoted
 from .messages import NotSupported
+from .text_file import one_byte_text
 
 _MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -47,9 +48,16 @@ class GltfFile:
         text, self._chunk = _chunks(memoryview(path.read_bytes() if data is None else data))
         try:
             # some writers fill a chunk up with zeros, for spaces
-            content = json.loads(bytes(text).rstrip(b"\0").decode("utf-8-sig"))
-        except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-            raise ValueError(f"its JSON cannot be read: {' '.join(str(error).split())}") from None
+            content = json.loads(one_byte_text(bytes(text)).rstrip(b"\0").decode())
+        except json.JSONDecodeError as error:
+            what = (
+                "cut short: its JSON ends too early"
+                if _is_cut(error)
+                else "its JSON cannot be read"
+            )
+            raise ValueError(f"{what} ({error})") from None
+        except (UnicodeDecodeError, RecursionError) as error:
+            raise ValueError(f"its JSON cannot be read ({' '.join(str(error).split())})") from None
         if not isinstance(content, dict):
             raise ValueError("its JSON is no object")
         self.content: dict[str, Any] = content
@@ -196,6 +204,12 @@ class GltfFile:
             f"{self.path}: the file {quoted(unquote(uri))!r} that it names is not there: put it "
             "beside it, or save it as one .glb file"
         )
+
+
+def _is_cut(error: json.JSONDecodeError) -> bool:
+    """Tell whether JSON ends where more must come."""
+    ends = error.pos >= len(error.doc.rstrip())
+    return bool(error.doc.strip()) and (ends or error.msg.startswith("Unterminated string"))
 
 
 def _in_any_case(path: Path) -> Path:

@@ -107,7 +107,7 @@ def _family(file: GltfFile, items: list[dict[str, Any]]) -> tuple[np.ndarray, li
             parent[child] = index
             children[index].append(child)
     if twice:
-        warn(f"{twice} nodes hang below several others: each is drawn where it is named first")
+        warn(f"nodes below several others, drawn only where they are named first: {twice}")
     return parent, children
 
 

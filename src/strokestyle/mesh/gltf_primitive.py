@@ -179,7 +179,7 @@ def triangulated(corners: np.ndarray, mode: int, restarts: np.ndarray) -> np.nda
         picked = begin[:, None] + np.arange(3)
         spare = len(corners) - restarts.sum() - picked.size
         if spare:
-            warn(f"{spare} corners that make no triangle are left out")
+            warn(f"left out: corners that make no triangle ({spare})")
     return corners[picked]
 
 

@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,6 +25,11 @@ class NotSupported(ValueError):
 def warn(text: str) -> None:
     """Warn of what is left out of a mesh; `naming` puts the file's name before it."""
     warnings.warn(text, MeshWarning, stacklevel=3)
+
+
+def counted(found: Counter[str]) -> str:
+    """List kinds of things in the plural, and how many there are: "lines (3), beams (1)"."""
+    return ", ".join(f"{what} ({count})" for what, count in found.items())
 
 
 def only_lines(lines: int) -> NotSupported:

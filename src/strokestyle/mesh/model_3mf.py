@@ -15,6 +15,7 @@ import numpy as np
 
 from ..files import quoted
 from .pieces import check_corners
+from .text_file import xml_problem
 
 UNITS = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0,
          "inch": 25.4, "foot": 304.8, "meter": 1000.0}  # fmt: skip
@@ -118,7 +119,7 @@ class Model:
                 parser.Parse(data)
             parser.Parse(b"", True)
         except expat.ExpatError as error:
-            raise ValueError(f"its XML cannot be read: {error}") from None
+            raise xml_problem(error) from None
         except (ValueError, OverflowError, KeyError) as error:
             what = f"no {error}" if isinstance(error, KeyError) else str(error)
             raise ValueError(f"line {parser.CurrentLineNumber}: {what}") from None

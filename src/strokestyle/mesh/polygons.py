@@ -71,7 +71,7 @@ def checked_corners(
     return corner
 
 
-def _whole(number: np.number) -> str:
+def _whole(number: np.integer | np.floating) -> str:
     """Write a number of a file: a whole one with all its digits."""
     return f"{number:.0f}" if number % 1 == 0 else f"{number:g}"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .archive import unpacked
+from .formats import what_was_saved
 from .messages import NotSupported, naming
 from .read_3mf import read_3mf
 from .read_dae import read_dae
@@ -24,6 +25,7 @@ SCENES = {".gltf": read_gltf, ".glb": read_gltf, ".vrm": read_gltf, ".3mf": read
 SCENES |= {".dae": read_dae, ".zae": read_dae}
 SCENES |= dict.fromkeys((".step", ".stp", ".iges", ".igs"), read_step)
 SCENES |= dict.fromkeys(FORMATS, read_with_meshio)
+_HEAD = 1000  # bytes that tell a web page
 # what a damaged file makes a reader of ours, or the library behind it, fail with
 _DAMAGE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError)
 
@@ -70,6 +72,10 @@ def _read(path: Path) -> Triangles:
     if suffix not in READERS and suffix not in SCENES and suffix != ".zip":
         return read_with_trimesh(path)
     try:
+        with open(path, "rb") as file:
+            other = what_was_saved(file.read(_HEAD))
+        if other:
+            raise NotSupported(other)
         if suffix == ".zip":
             with unpacked(path, {*READERS, *SCENES}) as inner:
                 return _read(inner)

@@ -18,9 +18,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..files import MAX_BYTES, MAX_DEPTH, quoted
-from .messages import NotSupported, warn
+from .archive import zip_problem
+from .messages import NotSupported, counted, warn
 from .model_3mf import Model, Object, Use
 from .pieces import Piece, moved, together
+from .text_file import xml_problem
 from .triangles import Triangles
 
 MAX_MODEL = 2**31  # bytes of one model file: some 25 million triangles
@@ -83,7 +85,7 @@ def read_3mf(path: Path) -> Triangles:
         with zipfile.ZipFile(path) as package:
             return _Package(package).triangles()
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-        raise ValueError(f"its zip archive cannot be read: {error}") from None
+        raise zip_problem(path, error) from None
     except RuntimeError as error:  # zipfile's word for a password
         raise NotSupported(f"it is encrypted ({error}): save it without a password") from None
 
@@ -106,12 +108,12 @@ class _Package:
             self.left_out += model.left_out
         if pieces:
             del self.left_out["slices"]  # of what is there as triangles too
-        left_out = ", ".join(f"{count} {what}" for what, count in self.left_out.items())
+        left_out = counted(self.left_out)
         if not pieces:
             only = f", only {left_out}" if left_out else ""
             raise NotSupported(f"no triangles in what it is to build{only}")
         if left_out:
-            warn(f"left out are {left_out}: only the triangles of models are drawn")
+            warn(f"left out: {left_out}; only the triangles of models are drawn")
         unknown = [name for name in root.required if not _KNOWN.search(name)]
         if unknown:
             warn(f"it requires {quoted(', '.join(unknown))}, which is not read here: drawn without")
@@ -159,7 +161,7 @@ class _Package:
         try:
             return ElementTree.fromstring(text)
         except ElementTree.ParseError as error:
-            raise ValueError(f"{quoted(path)}: its XML cannot be read: {error}") from None
+            raise ValueError(f"{quoted(path)}: {xml_problem(error)}") from None
 
     def _pieces(self, root: Model) -> Iterator[Piece]:
         """Put the objects of the build where it wants them, components one in another."""

@@ -17,10 +17,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..files import MAX_DEPTH, quoted
+from .archive import zip_problem
 from .dae_controllers import morphed, skinned
 from .dae_geometry import Geometry, numbers_of, read_geometry, sources_of
-from .messages import NotSupported, warn
+from .messages import NotSupported, counted, warn
 from .pieces import Piece, moved, together
+from .text_file import xml_problem
 from .triangles import Triangles
 
 Element = ElementTree.Element
@@ -58,7 +60,7 @@ def read_dae(path: Path) -> Triangles:
     try:
         root = ElementTree.fromstring(_document(path))
     except ElementTree.ParseError as error:
-        raise ValueError(f"its XML cannot be read: {error}") from None
+        raise xml_problem(error) from None
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
     if root.tag != "COLLADA":
@@ -69,7 +71,10 @@ def read_dae(path: Path) -> Triangles:
 def _document(path: Path) -> bytes:
     """Give the XML, of an archive that of the document which its manifest names (1.5, 2)."""
     if not zipfile.is_zipfile(path):
-        return path.read_bytes()
+        data = path.read_bytes()
+        if data.startswith(b"PK\3\4"):
+            raise zip_problem(path, zipfile.BadZipFile())
+        return data
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
@@ -104,12 +109,12 @@ class _Document:
 
     def triangles(self) -> Triangles:
         pieces = list(self._pieces())
-        left_out = ", ".join(f"{count} {what}" for what, count in self.left_out.items())
+        left_out = counted(self.left_out)
         if not pieces:
             only = f", only {left_out}" if left_out else ""
             raise NotSupported(f"no triangles or polygons in its scene{only}")
         if left_out:
-            warn(f"left out are {left_out}")
+            warn(f"left out: {left_out}")
         return together(pieces)
 
     def named(self, element: Element, key: str = "url") -> Element | None:

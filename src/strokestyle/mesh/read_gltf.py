@@ -16,7 +16,7 @@ from ..files import quoted
 from .gltf_file import GltfFile
 from .gltf_nodes import Nodes, read_nodes, text_of
 from .gltf_primitive import Primitive, read_primitive
-from .messages import NotSupported, warn
+from .messages import NotSupported, counted, warn
 from .pieces import Piece, together
 from .triangles import Triangles
 
@@ -168,10 +168,10 @@ def _kind(mode: Any) -> str:
 
 def _tell(file: GltfFile, nodes: Nodes, left_out: Counter[str], pieces: list[Piece]) -> None:
     """Warn of what is left out; raise where that is all."""
-    kinds = " and ".join(f"{kind} ({count})" for kind, count in left_out.items())
+    kinds = counted(left_out)
     if pieces:
         if left_out:
-            warn(f"{kinds} are left out: only triangles are drawn")
+            warn(f"left out: {kinds}; only triangles are drawn")
         return
     if left_out:
         raise NotSupported(f"no triangles in it, only {kinds}: make surfaces of them first")
@@ -179,5 +179,5 @@ def _tell(file: GltfFile, nodes: Nodes, left_out: Counter[str], pieces: list[Pie
         raise NotSupported("no mesh in it")
     hidden = "" if nodes.shown else ", or all is hidden"
     raise NotSupported(
-        f"no triangles in its scene{hidden}: {len(file.all('meshes'))} meshes in all"
+        f"no triangles in its scene{hidden}; meshes in all: {len(file.all('meshes'))}"
     )

@@ -141,7 +141,8 @@ def _read_by_line(lines: _Lines, counts: _Counts) -> _Tables | None:
         return None
     left = len(width) - all_faces
     if left:
-        warn(f"left out: {left} lines behind the {counts.faces} faces that it says it has")
+        behind = f"{left} line{'s' * (left != 1)}"
+        warn(f"left out: {behind} behind the {counts.faces} faces that it says it has")
     length = length.astype(np.int64)
     within = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
     return _Tables(

@@ -16,6 +16,8 @@ _SAMPLE = 2000  # bytes in which a text has its first face
 # all that stands between the corners of two faces, and that is no coordinate
 _BETWEEN = re.compile(rb"endloop.*?outer\s*loop", re.DOTALL)
 _LOOP = re.compile(rb"outer\s*loop")
+_FACET = re.compile(rb"(?<!end)(?<!end )facet\b")
+_SOLID_ENDS = re.compile(rb"end\s*solid")
 _COMMENT = re.compile(rb"^[ \t]*(?:#|//|;)[^\n]*", re.MULTILINE)
 _SOLID = re.compile(rb"solid(?!\S)([^\n]*?)(?=\bfacet\b|\n|\Z)")
 
@@ -83,8 +85,7 @@ def _read_text(data: bytes) -> Triangles:
     lower, names, begin = _take_names(data)
     loops = lower.count(b"endloop")
     first = _LOOP.search(lower)
-    if _LOOP.search(lower, max(lower.rfind(b"endloop"), 0)):
-        raise ValueError(f"cut short: it ends within triangle {loops + 1}")
+    _check_end(lower[max(lower.rfind(b"endloop"), 0) :], loops)
     if first is None:
         return _soup(np.zeros((0, 3)))
     text = lower[first.end() : lower.rindex(b"endloop")]
@@ -105,6 +106,16 @@ def _read_text(data: bytes) -> Triangles:
     found = _soup(numbers.reshape(-1, 3))
     part, part_names = _parts(names, np.diff(np.append(begin, loops)))
     return found._replace(part=part, part_names=part_names)
+
+
+def _check_end(rest: bytes, loops: int) -> None:
+    """Refuse a text that begins another triangle behind its last whole one; warn of no end."""
+    end = _SOLID_ENDS.search(rest)  # and a name, which may say anything
+    more = rest[: end.start()] if end else rest
+    if _LOOP.search(rest) or _FACET.search(more):
+        raise ValueError(f"cut short: it ends within triangle {loops + 1}")
+    if loops and not end:
+        warn(f"perhaps cut short: no 'endsolid' behind its {loops} triangles")
 
 
 def _only_line_ends(match: re.Match[bytes]) -> bytes:

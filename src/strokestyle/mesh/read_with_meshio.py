@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .messages import NotSupported, silence, warn
+from .messages import NotSupported, counted, silence, warn
 from .pieces import Piece, check_corners, together
 from .polygons import cut_polygons
 from .triangles import Triangles
@@ -114,8 +114,7 @@ def _faces(mesh: Any) -> tuple[list[tuple[np.ndarray, str]], list[tuple[np.ndarr
             elif kind not in _NO_FACES:
                 left_out[kind] += len(cells)
     if left_out:
-        kinds = ", ".join(f"{count} cells of {kind}" for kind, count in left_out.items())
-        warn(f"left out are {kinds}")
+        warn(f"left out: cells of the kinds {counted(left_out)}")
     return flat, solid
 
 

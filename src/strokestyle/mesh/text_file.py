@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import re
 import warnings
+from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
 from .messages import NotSupported
 
+_ENDS = {expat.errors.codes[name] for name in (expat.errors.XML_ERROR_NO_ELEMENTS,
+         expat.errors.XML_ERROR_UNCLOSED_TOKEN, expat.errors.XML_ERROR_PARTIAL_CHAR,
+         expat.errors.XML_ERROR_UNCLOSED_CDATA_SECTION)}  # fmt: skip
 _MARK = b"\xef\xbb\xbf"  # of UTF-8, at the beginning
 _SAMPLE = 512  # bytes that tell an encoding without a mark
 _ZEROS = 0.1  # share of zeros, at least, in one half of wide letters
@@ -20,6 +25,12 @@ class CutShort(ValueError):
 
     def __init__(self, there: int, said: int, what: str):
         super().__init__(f"cut short: {there} of its {said} {what} are there")
+
+
+def xml_problem(error: expat.ExpatError | ElementTree.ParseError) -> ValueError:
+    """Make the error for XML that cannot be read, or that ends before its elements do."""
+    what = "cut short: its XML ends too early" if error.code in _ENDS else "its XML cannot be read"
+    return ValueError(f"{what} ({error})")
 
 
 def one_byte_text(data: bytes) -> bytes:
