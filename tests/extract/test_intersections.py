@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapes
+import solids
 
 from strokestyle.extract.camera import Camera, fit_camera
 from strokestyle.extract.intersections import crossings, overlapping_boxes
@@ -215,3 +216,15 @@ def test_the_order_of_faces_does_not_matter():
         assert curves.closed.all()
         length.append(np.linalg.norm(np.diff(curves.points(surface), axis=0), axis=1).sum())
     assert length[0] == pytest.approx(length[1], rel=0.05)
+
+
+@pytest.mark.parametrize("sides", [8, 12, 20, 48])
+def test_two_pipes_of_one_radius_cross_in_an_x_without_a_gap(sides):
+    # at the middle of the X both touch, and the angle between them falls to nothing
+    pipe = solids.prism(sides, 3.0, 0.2).moved((0.0, -1.5, 0.0))
+    both = solids.together(pipe, pipe.turned(90.0, axis=2))
+    surface = make_surface(both.vertices, both.faces, polygon=both.polygon)
+    node = intersection_segments(surface, LineOptions()).node
+    _, degree = np.unique(node, return_counts=True)
+    assert sorted(np.unique(degree)) == [2, 4]  # no loose end
+    assert (degree == 4).sum() == 2

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import KINDS
 from ..mesh.creases import creases
@@ -22,7 +24,7 @@ from .line_options import LineOptions
 from .surface_curves import barycentric, interpolate_on_faces
 from .view_curvature import ViewFields
 
-MIN_CROSSING = 10.0  # degrees, see intersection_segments
+MIN_CROSSING, GRAZING = 10.0, 3.0  # degrees, see intersection_segments
 ON_EDGE = 1e-6  # barycentric: what weighs a corner less lies on the side opposite
 SOFTNESS = 0.03  # of n.v against the derivative, in the strength of suggestive contours
 SAG, LONG = 3e-3, 0.02  # of the longest side of a body; see coarse_faces
@@ -770,25 +772,48 @@ def intersection_segments(surface: Surface, options: LineOptions) -> Segments:
 
     Ends are named by place. Where both run along each other, at less than MIN_CROSSING, there is
     none: two skins of one shape cross wherever their faces happen to, and no line is to be seen.
+    From steeper places a line goes on through shallow ones, down to GRAZING, as where two pipes of
+    one radius cross: at the middle of that X they touch (hysteresis, as Canny 1986 follows edges).
     """
     found = crossings(surface.vertices, surface.faces, surface.component)
     face, other = found.face.T
     bary, other_bary = (
         barycentric(surface.vertices[surface.faces[f]], found.points) for f in (face, other)
     )
-    normal, other_normal = (
-        interpolate_on_faces(surface, f, at.mean(axis=1), surface.normals)
-        for f, at in ((face, bary), (other, other_bary))
-    )
-    across = np.cross(normal, other_normal)
-    square = row_dot(normal, normal) * row_dot(other_normal, other_normal)
-    sine = np.sqrt(row_dot(across, across) / np.maximum(square, 1e-30))
     strength = np.ones((len(found), 2))
     segments = Segments(KINDS.index("intersection"), face, bary, found.node, strength)
-    through = sine > np.sin(np.radians(MIN_CROSSING))
+    ends = [_crossing_angle(surface, found.face, bary[:, i], other_bary[:, i]) for i in (0, 1)]
+    middle = _crossing_angle(surface, found.face, bary.mean(axis=1), other_bary.mean(axis=1))
+    through = np.maximum(middle, np.maximum(*ends)) > GRAZING
     for own, at, beyond in ((face, bary, other), (other, other_bary, face)):
         through &= ~_only_touches(surface, own, at, beyond)
-    return segments.take(np.flatnonzero(through))
+    through = np.flatnonzero(through)
+    steep = middle[through] > MIN_CROSSING
+    return segments.take(through[_linked_to(found.node[through], steep)])
+
+
+def _crossing_angle(
+    surface: Surface, pairs: np.ndarray, bary: np.ndarray, other_bary: np.ndarray
+) -> np.ndarray:
+    """Measure the angles between the lines along both normals where faces (P, 2) meet, degrees."""
+    normal, other = (
+        interpolate_on_faces(surface, face, at, surface.normals)
+        for face, at in zip(pairs.T, (bary, other_bary), strict=True)
+    )
+    across = np.cross(normal, other)
+    square = row_dot(normal, normal) * row_dot(other, other)
+    sine = np.sqrt(row_dot(across, across) / np.maximum(square, 1e-30))
+    return np.degrees(np.arcsin(np.minimum(sine, 1.0)))
+
+
+def _linked_to(node: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Tell which segments, from node to node (P, 2), are linked to one `wanted`, (P,) bool."""
+    if not len(node):
+        return wanted
+    count = int(node.max()) + 1
+    links = coo_matrix((np.ones(len(node), np.int8), node.T), shape=(count, count))
+    label = connected_components(links, directed=False)[1][node[:, 0]]
+    return np.isin(label, label[wanted])
 
 
 def _only_touches(
