@@ -353,11 +353,21 @@ def test_open_but_nearly_closed_bodies_face_outward(high):
     assert np.einsum("fi,fi->f", surface.face_normals, middle).min() > 0.9
 
 
-@pytest.mark.parametrize("away, left, said", [(5e6, 24, 1), (50.0, 25, 1), (3.0, 25, 0)])
-def test_a_stray_face_far_off(away, left, said):
+@pytest.mark.parametrize(
+    "away, leg, left, said",
+    [
+        (5e6, 0.1, 24, 1),
+        (50.0, 0.1, 25, 1),
+        (3.0, 0.1, 25, 0),
+        (2e3, 1.5, 24, 1),  # .6 % of the area
+        (50.0, 1.5, 25, 0),
+        (2e3, 4.0, 25, 0),  # 4 %
+    ],
+)
+def test_a_stray_face_far_off(away, leg, left, said):
     """It is left out where all else would be a dot, and warned of where that is small."""
     house, chimney = solids.box((0, 0, 0), (8, 3, 6)), solids.box((5, 2, 3), (5.7, 4, 3.7))
-    stray = solids.Solid(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), [(0, 1, 2)])
+    stray = solids.Solid(leg * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), [(0, 1, 2)])
     all_ = solids.together(house, chimney, stray.moved((-8 * away, 0, 0)))
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")

@@ -28,6 +28,7 @@ from .weld import (
 )
 
 STRAY = 1e-3  # of the area: so few faces are not what the mesh is about
+LONE = 2e-2  # of the area: nor are so few, if beside them all else would be a dot
 LOST = 1e-3  # of the size of all: what is smaller would be a dot
 # Squared length of a component's boundary over its area, up to which it is nearly closed, as a ball
 # with a jagged hole of half its radius; volume over area to the power of 1.5, of a ball .094.
@@ -54,32 +55,21 @@ def centre_and_scale(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]
 def left_out(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Find faces (F,) bool that lie so far from the others that these would be less than a pixel.
 
-    Warns of them, and of faces not so far, but beside which all else is small. Only few are meant,
-    STRAY of the area at most.
+    Warns of them, and of faces not so far, but beside which all else is small. Only few are meant:
+    LONE of the area at most, or STRAY where nothing is left out.
     """
     corner = vertices[faces]
-    low, high = corner.min(axis=1), corner.max(axis=1)
     size = float(np.ptp(vertices[np.unique(faces)], axis=0).max())
     if not 0.0 < size < np.inf:
         return np.zeros(len(faces), bool)
     side = (corner[:, 1:] - corner[:, :1]) / size
     cross = np.cross(side[:, 0], side[:, 1])
     area = np.sqrt(row_dot(cross, cross))
-    limit = 0.5 * STRAY * area.sum()
-    middle, box = 0.5 * low + 0.5 * high, []
-    for axis in middle.T:
-        order = np.argsort(axis)
-        first, last = np.searchsorted(np.cumsum(area[order]), [limit, area.sum() - limit])
-        box.append(axis[order[[first, min(last, len(order) - 1)]]])
-    start, end = np.array(box).T
-    core = ((middle >= start) & (middle <= end)).all(axis=1)
-    if not core.any():
-        return np.zeros(len(faces), bool)
-    start, end = low[core].min(axis=0), high[core].max(axis=0)
-    rest = float((end - start).max())
-    far = ((low > end + rest) | (high < start - rest)).any(axis=1)
-    small = far.any() and area[far].sum() <= STRAY * area.sum() and rest < 0.25 * size
-    if not small:
+    for share, limit in ((LONE, LOST), (STRAY, 0.25)):
+        far, rest = _far_from_most(corner, area, share)
+        if far.any() and rest < limit * size:
+            break
+    else:
         return np.zeros(len(faces), bool)
     gone = rest < LOST * size
     what = "left out" if gone else "all else is drawn small; take them out if they are strays"
@@ -88,6 +78,29 @@ def left_out(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         f"{rest:.3g} of its size of {size:.3g}: {what}"
     )
     return far & gone
+
+
+def _far_from_most(corner: np.ndarray, area: np.ndarray, share: float) -> tuple[np.ndarray, float]:
+    """Find faces (F, 3, 3) of a `share` of the area at most, far from the others: (F,) bool.
+
+    Far is further off than the others are large, which is returned too; none are, if they hold
+    more than their share.
+    """
+    low, high = corner.min(axis=1), corner.max(axis=1)
+    limit = 0.5 * share * area.sum()
+    middle, box = 0.5 * low + 0.5 * high, []
+    for axis in middle.T:
+        order = np.argsort(axis)
+        first, last = np.searchsorted(np.cumsum(area[order]), [limit, area.sum() - limit])
+        box.append(axis[order[[first, min(last, len(order) - 1)]]])
+    start, end = np.array(box).T
+    core = ((middle >= start) & (middle <= end)).all(axis=1)
+    if not core.any():
+        return core, np.inf
+    start, end = low[core].min(axis=0), high[core].max(axis=0)
+    rest = float((end - start).max())
+    far = ((low > end + rest) | (high < start - rest)).any(axis=1)
+    return far & (area[far].sum() <= share * area.sum()), rest
 
 
 class Mended(NamedTuple):
