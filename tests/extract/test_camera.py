@@ -120,3 +120,11 @@ def test_bad_camera_files_are_named(tmp_path, text, word):
 def test_views_that_are_none(view):
     with pytest.raises(ValueError, match="view"):
         parse_view(view)
+
+
+@pytest.mark.parametrize(
+    "view, wrong", [("nan,0", "azimuth"), ("inf,0", "azimuth"), ("0,nan", "elevation")]
+)
+def test_which_angle_of_a_view_is_wrong(view, wrong):
+    with pytest.raises(ValueError, match=f"the {wrong} "):
+        parse_view(view)

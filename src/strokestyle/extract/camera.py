@@ -297,7 +297,9 @@ def parse_view(text: str) -> tuple[float, float]:
             f"view {text!r} is neither one of {', '.join(NAMED_VIEWS)} nor AZIMUTH,ELEVATION in "
             "degrees"
         ) from None
-    if not (np.isfinite(azimuth) and -90.0 <= elevation <= 90.0):
+    if not np.isfinite(azimuth):
+        raise ValueError(f"view {text!r}: the azimuth is no number of degrees")
+    if not -90.0 <= elevation <= 90.0:
         raise ValueError(f"view {text!r}: the elevation must lie between -90 and 90 degrees")
     return azimuth, elevation
 
