@@ -1,4 +1,4 @@
-"""Lines of a surface that was cut open: those of the whole, as far as they are left, and the cut.
+"""Find the lines of a surface that was cut open: those of the whole that are left, and the cut.
 
 Lines are found on the whole, so that the cut changes neither normals nor curvatures, and no line
 near it.

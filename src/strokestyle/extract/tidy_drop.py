@@ -1,4 +1,4 @@
-"""Dropping: specks, and what is more often noise than form."""
+"""Drop specks, and what is more often noise than form."""
 
 from __future__ import annotations
 

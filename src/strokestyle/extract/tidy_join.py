@@ -1,4 +1,4 @@
-"""Joining: lines whose ends head for each other become one."""
+"""Join lines: those whose ends head for each other become one."""
 
 from __future__ import annotations
 

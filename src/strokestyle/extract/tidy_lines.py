@@ -1,4 +1,4 @@
-"""Polylines at work in `tidy`: a point every px, the numbers of its steps, and what steps ask."""
+"""Hold the polylines at work in `tidy`: a point every px, numbers of its steps, what they ask."""
 
 from __future__ import annotations
 

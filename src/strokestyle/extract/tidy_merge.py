@@ -1,4 +1,4 @@
-"""Merging: of lines that run side by side, the best stays.
+"""Merge lines: of lines that run side by side, the best stays.
 
 Curves are settled from the best down, in batches: each point is asked whether it runs beside a
 curve that is better, of those settled (`_Kept`) and of those of its batch. Since what loses is

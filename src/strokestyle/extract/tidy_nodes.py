@@ -1,4 +1,4 @@
-"""Nodes: the points where lines must end, or pass, exactly."""
+"""Find nodes: the points where lines must end, or pass, exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Splitting at corners, trimming hooks, smoothing."""
+"""Split lines at corners, trim hooks, and smooth."""
 
 from __future__ import annotations
 

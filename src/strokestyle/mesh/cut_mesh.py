@@ -1,4 +1,4 @@
-"""Triangles on their way through the planes of a section."""
+"""Carry triangles, and what is measured on them, through the planes of a section."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A geometry of a COLLADA file: its triangles, strips, fans and polygons.
+"""Read a geometry of a COLLADA file: its triangles, strips, fans and polygons.
 
 Chapters are those of the COLLADA 1.4.1 and 1.5.0 specifications, Khronos Group and Sony.
 """

@@ -1,4 +1,4 @@
-"""What would do with a file of a format that is not read here."""
+"""Say what would do with a file of a format that is not read here."""
 
 from __future__ import annotations
 

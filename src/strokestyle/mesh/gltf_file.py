@@ -1,4 +1,4 @@
-"""The container of glTF 2.0: JSON, chunks, buffers, buffer views and accessors.
+"""Read the container of glTF 2.0: JSON, chunks, buffers, buffer views and accessors.
 
 Sections are those of the glTF 2.0 specification, Khronos Group, version 2.0.1.
 """

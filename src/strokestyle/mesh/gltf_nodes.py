@@ -1,4 +1,4 @@
-"""The nodes of a glTF scene: where each stands, which are shown, and how often.
+"""Place the nodes of a glTF scene: where each stands, which are shown, and how often.
 
 Sections are those of the glTF 2.0 specification, Khronos Group, version 2.0.1.
 """

@@ -1,4 +1,4 @@
-"""A primitive of a glTF mesh: its triangles, morph targets and joints.
+"""Read a primitive of a glTF mesh: its triangles, morph targets and joints.
 
 Sections are those of the glTF 2.0 specification, Khronos Group, version 2.0.1.
 """

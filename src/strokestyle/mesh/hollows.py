@@ -1,4 +1,4 @@
-"""Hollows and rooms: closed bodies wound the other way round than those in or around them."""
+"""Tell hollows and rooms: closed bodies wound the other way round than those in or around them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One model file of a 3MF package: its objects, and what is to be built of them.
+"""Read one model file of a 3MF package: its objects, and what is to be built of them.
 
 Sections are those of the 3MF Core Specification 1.3, 3MF Consortium.
 """

@@ -19,7 +19,7 @@ _MADE_UP = r"((geometry|GLTF|world)(_\d+)?|\d+)?"  # trimesh's own names of part
 def read_with_trimesh(path: Path) -> Triangles:
     """Read all parts of a scene, its transforms applied; of a file without faces, its points.
 
-    trimesh is imported here, at the first such file: its import takes 0.14 s of processor time.
+    trimesh is imported here, as slow to import: `benchmarks/mesh_files.py` tells how slow.
 
     Raises
     ------
