@@ -80,11 +80,12 @@ def _check_crossed(asked: SectionPlane, plane: Plane, corners: np.ndarray, frame
     if height.min() < 0.0 < height.max():
         return
     along = frame.original(corners.reshape(-1, 3))[:, plane.axis]
+    digits = 6 - int(np.ceil(np.log10(frame.scale)))  # of the file's units, for a millionth of it
     name = AXES[plane.axis]
     at = f" ({name} = {frame.original(plane.offset * np.eye(3)[[plane.axis]])[0, plane.axis]:g})"
     raise ValueError(
         f"the section {asked}{at if asked.percent else ''} misses it: it reaches from "
-        f"{name} = {along.min():g} to {along.max():g}"
+        f"{name} = {along.min().round(digits) + 0.0:g} to {along.max().round(digits) + 0.0:g}"
     )
 
 
