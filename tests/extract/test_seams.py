@@ -11,6 +11,7 @@ from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.lines import SurfaceLines
 from strokestyle.extract.pipeline import extract_view
 from strokestyle.extract.visible import look_along
+from strokestyle.mesh.messages import MeshWarning
 from strokestyle.mesh.surface import make_surface
 
 
@@ -307,5 +308,6 @@ def test_in_a_heap_of_faces_few_are_asked_what_they_touch(monkeypatch):
     asked.clear()
     monkeypatch.setattr(seams, "NEAR_FLOOR", 0)
     monkeypatch.setattr(seams, "MAX_NEAR", 4)
-    assert not len(seams._contacts(surface, edge).row)
+    with pytest.warns(MeshWarning, match="seams of bodies that touch are drawn as edges"):
+        assert not len(seams._contacts(surface, edge).row)
     assert not sum(asked)

@@ -122,13 +122,14 @@ class Shape:
         """The view that the file holds, or that of the mesh from the camera."""
         from ..extract.pipeline import extract_view
         from ..extract.view_file import load_view
+        from ..mesh.messages import naming
 
         if self.is_view:
             return load_view(self.path)
         if self.options.get("curves"):
             return self._view_of_curves()
         surface, camera, hidden = self.shown, self.camera(), self.options.get("hidden", False)
-        with timed("curves and feature maps"):
+        with timed("curves and feature maps"), told_warnings(), naming(self.path):
             return extract_view(surface, camera, self.line_options(), self.spacing(), hidden)
 
     def _view_of_curves(self) -> View:
@@ -145,6 +146,7 @@ class Shape:
         """The view; or with --turntable N views, once round the upright axis."""
         from ..extract.camera import up_axis
         from ..extract.turntable import turntable
+        from ..mesh.messages import naming
 
         count = self.options.get("turntable")
         if not count:
@@ -155,7 +157,7 @@ class Shape:
             self.shown, self.camera(), count, self.line_options(), self.spacing(), axis=axis
         )
         for _ in range(count):
-            with timed("curves and feature maps"):
+            with timed("curves and feature maps"), told_warnings(), naming(self.path):
                 view = next(views)
             yield view
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..geometry.curves import counting, runs
+from ..mesh.messages import warn
 from ..mesh.sheets import SAME
 from ..mesh.surface import Surface
 from ..mesh.triangles import row_dot, unit_rows
@@ -63,9 +64,7 @@ class Seams:
         several = np.flatnonzero(surface.edge_face_count[edge] > 2)
         touch = np.union1d(contacts.row, several)
         if not len(touch):
-            nothing, none = np.zeros(0), np.zeros((0, 3))
-            no, first = np.zeros(0, np.int64), np.zeros(1, np.int64)
-            return cls(no, nothing, nothing, none, none, none, first, nothing, no, no, no == 1)
+            return cls.nowhere()
         row, start, end, at = _stretches(contacts, touch)
         middle = frame.low[row] + (0.5 * (start + end))[:, None] * frame.along[row]
         own = _FacesAt.of(surface, edge)
@@ -81,6 +80,13 @@ class Seams:
         planes = angle[order], front[order], face[order]
         again = _repeated(surface, edge)[row]
         return cls(edge[row], start, end, middle, zero, quarter, first, *planes, again)
+
+    @classmethod
+    def nowhere(cls) -> Seams:
+        """Make no stretches."""
+        nothing, none = np.zeros(0), np.zeros((0, 3))
+        no, first = np.zeros(0, np.int64), np.zeros(1, np.int64)
+        return cls(no, nothing, nothing, none, none, none, first, nothing, no, no, no == 1)
 
     def __len__(self) -> int:
         return len(self.edge)
@@ -279,7 +285,8 @@ def _contacts(surface: Surface, edge: np.ndarray) -> _Contacts:
     """Find what touches edges (M,): faces of other bodies, and those at edges of the same place.
 
     Where boxes of more than MAX_NEAR faces meet that of an edge, on average, the mesh is a heap of
-    faces and no shape made of parts: there those at edges of the same place alone are found.
+    faces and no shape made of parts: there those at edges of the same place alone are found, and a
+    MeshWarning says so.
     """
     parts = [_same_place(surface, edge)]
     body = surface.component
@@ -299,6 +306,10 @@ def _contacts(surface: Surface, edge: np.ndarray) -> _Contacts:
             left -= len(pairs)
             if left < 0:
                 del parts[same:]
+                warn(
+                    "so many of its faces lie across each other that seams of bodies that touch "
+                    "are drawn as edges"
+                )
                 break
             row, face = pairs[:, 0], pairs[:, 1] - len(edge)
             near = _near_plane(frame, row, corner[face, 0], normal[face])
