@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
+from collections.abc import Callable
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -154,22 +155,27 @@ def _triangles(primitive: Element, layout: _Layout, vertices: np.ndarray, name: 
 
 def _strips(primitive: Element, layout: _Layout, vertices: np.ndarray, name: str) -> _Faces:
     """Read strips; every second triangle is turned about."""
-    faces = [np.zeros((0, 3), np.int64)]
-    for p in primitive.findall("p"):
-        corners = _corners(p, layout)
-        k = np.arange(max(len(corners) - 2, 0))
-        faces.append(corners[np.stack([k, k + 1 + k % 2, k + 2 - k % 2], axis=1)])
-    found = np.concatenate(faces)
-    check_corners(found, len(vertices), name)
-    return found, None
+    return _rows(primitive, layout, vertices, name, lambda k: (k, k + 1 + k % 2, k + 2 - k % 2))
 
 
 def _fans(primitive: Element, layout: _Layout, vertices: np.ndarray, name: str) -> _Faces:
+    """Read fans, all of whose triangles have the first corner."""
+    return _rows(primitive, layout, vertices, name, lambda k: (0 * k, k + 1, k + 2))
+
+
+def _rows(
+    primitive: Element,
+    layout: _Layout,
+    vertices: np.ndarray,
+    name: str,
+    triangle: Callable[[np.ndarray], tuple[np.ndarray, ...]],
+) -> _Faces:
+    """Read rows of corners; `triangle` tells which three of a row its triangle k has."""
     faces = [np.zeros((0, 3), np.int64)]
     for p in primitive.findall("p"):
         corners = _corners(p, layout)
         k = np.arange(max(len(corners) - 2, 0))
-        faces.append(corners[np.stack([0 * k, k + 1, k + 2], axis=1)])
+        faces.append(corners[np.stack(triangle(k), axis=1)])
     found = np.concatenate(faces)
     check_corners(found, len(vertices), name)
     return found, None
