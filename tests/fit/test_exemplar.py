@@ -143,21 +143,6 @@ def test_what_is_no_drawing_of_the_shape_is_refused(tmp_path, make, words):
     assert str(path) in str(error.value) and "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("content", [b"", b"not an image", b"\x89PNG\r\n\x1a\n" + b"0" * 40])
-def test_files_that_are_no_image(tmp_path, content):
-    path = tmp_path / "d.png"
-    path.write_bytes(content)
-    with pytest.raises(ValueError, match="d.png"):
-        ex.read_image(path)
-
-
-def test_truncated_image(tmp_path):
-    whole = save(tmp_path / "d.png", np.random.default_rng(0).random((64, 64, 3))).read_bytes()
-    (tmp_path / "d.png").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ValueError, match="not a readable image"):
-        ex.read_image(tmp_path / "d.png")
-
-
 def test_agreement_is_measured_both_ways():
     coverage, points = ring()
     drawn = ex.separate(np.dstack([1 - coverage] * 3 + [np.ones_like(coverage)]))
