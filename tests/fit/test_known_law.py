@@ -60,6 +60,27 @@ def test_displacement_and_thickness_come_back_on_another_view(law, outside):
         assert by_law.thickness.std() == pytest.approx(by_law.wanted.std(), rel=0.25)
 
 
+@pytest.mark.parametrize("angle", [35.0, 100.0])
+def test_a_nib_comes_back_and_how_it_is_held(angle):
+    """Whatever the heading, to 5 degrees, though no stroke of the drawing runs straight."""
+    nib = np.radians(angle)
+
+    def law(s, length, xy):
+        t = np.gradient(xy, axis=0)
+        return 1.5 + 7.0 * np.abs(np.sin(np.arctan2(t[:, 1], t[:, 0]) - nib))
+
+    drawn = learned(Law(thickness=law)).draw(UNSEEN).strokes
+    by_law = compare(drawn, Law(thickness=law).strokes(UNSEEN))
+    assert np.corrcoef(by_law.thickness, by_law.wanted)[0, 1] > 0.97
+    assert np.abs(by_law.thickness - by_law.wanted).mean() < 0.5
+    step = np.diff(drawn.xy, axis=0)
+    double = 2 * np.arctan2(step[:, 1], step[:, 0])
+    basis = np.stack([0 * double + 1, np.cos(double), np.sin(double)], axis=1)
+    _, x, y = np.linalg.lstsq(basis, drawn.thickness[1:], rcond=None)[0]
+    found = np.degrees(np.arctan2(-y, -x)) / 2  # thinnest where the stroke runs along the nib
+    assert abs((found - angle + 90) % 180 - 90) < 5
+
+
 def test_no_law_is_no_displacement():
     style = learned(Law())
     assert np.abs(style.displacement).max() < 0.1

@@ -12,6 +12,7 @@ from strokestyle.geometry.curves import KINDS, Curves
 from strokestyle.render.config import StyleConfig
 from strokestyle.render.features import (
     FEATURES,
+    NIB_ANGLES,
     SURFACE,
     FeatureScaling,
     along_strokes,
@@ -159,6 +160,17 @@ def test_facing_is_the_normals_direction_where_it_has_one():
 
 
 # -------------------------------------------------------------------------------------------- place
+
+
+def test_a_nib_is_felt_alike_forth_and_back():
+    degrees = np.array([0.0, 30.0, 45.0, 90.0, 120.0])
+    for turn in (0.0, 180.0):
+        for heading in degrees:
+            a = np.radians(heading + turn)
+            got = features(planned(straight(30, (200.0, 200.0), (np.cos(a), np.sin(a)))))
+            for nib in NIB_ANGLES:
+                wanted = np.cos(np.radians(2 * (heading - nib)))
+                assert got[f"nib_{nib:.0f}"] == pytest.approx(np.full(30, wanted))
 
 
 def test_height_runs_from_the_highest_curve_to_the_lowest():

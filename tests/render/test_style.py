@@ -18,7 +18,7 @@ from strokestyle.geometry.curves import KINDS, Curves
 from strokestyle.geometry.parts import Parts
 from strokestyle.render.config import StyleConfig
 from strokestyle.render.displacement import DEFORMATIONS
-from strokestyle.render.features import FEATURES, FeatureScaling
+from strokestyle.render.features import FEATURES, NIB_ANGLES, FeatureScaling
 from strokestyle.render.networks import AdditiveNet
 from strokestyle.render.residuals import Residuals
 from strokestyle.render.style import Style, SumOfCurves, trim_invisible_ends
@@ -302,10 +302,33 @@ def test_a_style_is_stored_whole(tmp_path):
     style = full_style()
     save_style(tmp_path / "a.pt", style)
     assert same_style(load_style(tmp_path / "a.pt"), style)
-    assert read_model(tmp_path / "a.pt")["format"] == 3
+    assert read_model(tmp_path / "a.pt")["format"] == 4
     save_style(tmp_path / "b.pt", plain_style())
     found = load_style(tmp_path / "b.pt")
     assert found.residuals is None and found.bank is None
+
+
+def test_a_model_of_format_3_draws_what_it_drew_without_the_features_that_came_later(tmp_path):
+    """As one that knows them and gives them no weight."""
+    style, later = plain_style(thin_above=True), len(NIB_ANGLES)
+    line = np.random.default_rng(3).normal(0, 0.3, len(FEATURES))
+    line[-later:] = 0.0
+    style = replace(style, log_width=replace(style.log_width, base=np.array(1.5), line=line))
+    save_style(tmp_path / "new.pt", style)
+    old = read_model(tmp_path / "new.pt") | {"format": 3}
+    for part in ("log_width", "features"):
+        old[part] = {k: v[:-later] if np.size(v) > 1 else v for k, v in old[part].items()}
+    write_model(tmp_path / "old.pt", old)
+    drawn = load_style(tmp_path / "old.pt").draw(ring_view()).strokes
+    expected = style.draw(ring_view()).strokes
+    assert np.array_equal(drawn.xy, expected.xy)
+    assert drawn.thickness == pytest.approx(expected.thickness, rel=1e-6)
+    save_style(tmp_path / "again.pt", load_style(tmp_path / "old.pt"))
+    assert load_style(tmp_path / "again.pt").scaling.names == FEATURES[:-later]
+    old["features"]["names"] = [*FEATURES[: -later - 1], "mood"]
+    write_model(tmp_path / "strange.pt", old)
+    with pytest.raises(ValueError, match=r"strange.pt: a damaged .*features"):
+        load_style(tmp_path / "strange.pt")
 
 
 def in_format_2(style):
@@ -365,8 +388,8 @@ def test_a_model_of_format_2_is_read(tmp_path):
 
 
 def test_a_model_of_another_version_is_refused_by_name(tmp_path):
-    write_model(tmp_path / "new.pt", in_format_2(full_style()) | {"format": 4})
-    with pytest.raises(ValueError, match=r"new.pt: .*format 4.*update strokestyle"):
+    write_model(tmp_path / "new.pt", in_format_2(full_style()) | {"format": 5})
+    with pytest.raises(ValueError, match=r"new.pt: .*format 5.*update strokestyle"):
         load_style(tmp_path / "new.pt")
     broken = in_format_2(full_style())
     del broken["hand"]

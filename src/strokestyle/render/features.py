@@ -25,6 +25,9 @@ HEADING_SIGMA = 4.0  # px, Gaussian of a stroke before its tangents are taken
 OUTWARD_SIGMA = 10.0  # px along a contour over which the side of the shape is decided
 DEPTH_RANGE = (3, 97)  # percentiles of the view's depth that count as 0 and 1
 FACING_SOFTNESS = 0.04  # added to a normal's squared length: where it is short, no way is faced
+# degrees from x towards y: directions that a nib is held in, half as far apart as the lobes of the
+# features are wide, so that a nib held in any other is a sum of two neighbours
+NIB_ANGLES = (0.0, 22.5, 45.0, 67.5)
 BOTH_SIDES = (-1.5, 0.0, 1.5)  # px across a line at which the surface is read
 SURFACE = ("depth", "n_dot_v", "view_curvature", "normal_x", "normal_y")  # read off the maps
 FEATURES = (
@@ -35,6 +38,7 @@ FEATURES = (
     *(f"turn_{n:.0f}" for n, _ in BEND_SCALES),
     *("depth", "n_dot_v", "view_curvature", "facing_x", "facing_y"),
     *("height", "tangent_x", "tangent_y", "prominence"),
+    *(f"nib_{n:.0f}" for n in NIB_ANGLES),
 )
 
 
@@ -45,12 +49,14 @@ class FeatureScaling:
     Parameters
     ----------
     low, high, centre, spread : (P,) float64
+    names : (P,), of FEATURES, in their order; an older style lacks those that came later
     """
 
     low: np.ndarray
     high: np.ndarray
     centre: np.ndarray
     spread: np.ndarray
+    names: tuple[str, ...] = FEATURES
 
     def __call__(self, features: np.ndarray) -> np.ndarray:
         """Normalise features (N, P)."""
@@ -70,27 +76,33 @@ def plan(view: View, config: StyleConfig, scale: float = 1.0) -> Planned:
     )
 
 
-def point_features(planned: Planned, surface: np.ndarray, config: StyleConfig) -> np.ndarray:
-    """FEATURES at every point of planned strokes, (N, P) float64.
+def point_features(
+    planned: Planned,
+    surface: np.ndarray,
+    config: StyleConfig,
+    names: tuple[str, ...] = FEATURES,
+) -> np.ndarray:
+    """Measure features at every point of planned strokes, (N, P) float64.
 
     Arc length, tangent and the features of the surface are the paper's; those of a stroke's ends,
-    its overshoot, bends and prominence are ours.
+    its overshoot, bends, prominence and the nib are ours.
 
     Parameters
     ----------
     planned : strokes, N points
     surface : (N, 5), SURFACE where the points lie
     config : its spacing is used
+    names : of FEATURES, in the order of the columns
     """
     if not len(planned):
-        return np.zeros((0, len(FEATURES)))
+        return np.zeros((0, len(names)))
     columns = (
         _end_features(planned)
         | _bend_features(planned, config.spacing)
         | _surface_features(planned, surface, config.spacing)
         | _place_features(planned, config.spacing)
     )
-    return np.stack([columns[name] for name in FEATURES], axis=1)
+    return np.stack([columns[name] for name in names], axis=1)
 
 
 def _end_features(planned: Planned) -> dict[str, np.ndarray]:
@@ -150,12 +162,22 @@ def _place_features(planned: Planned, spacing: float) -> dict[str, np.ndarray]:
     top, bottom = y[on_curve].min(), y[on_curve].max()
     smooth = along_strokes(planned.xy, planned.offsets, HEADING_SIGMA, spacing, pin=True)
     tangent = tangents(smooth, planned.offsets)
-    return {
+    return nib_features(tangent) | {
         "height": np.clip((y - top) / max(bottom - top, 1e-6), 0, 1),
         "tangent_x": tangent[:, 0],
         "tangent_y": tangent[:, 1],
         "prominence": PROMINENCE[planned.kind][owner(planned.offsets)],
     }
+
+
+def nib_features(tangent: np.ndarray) -> dict[str, np.ndarray]:
+    """How far a stroke of unit tangents (N, 2) runs along a nib: cos 2 (heading - nib's angle).
+
+    A flat nib draws the same line forth and back, so that its width has the period of half a turn,
+    which no sum of a curve of t_x and a curve of t_y has; four directions of it have all of them.
+    """
+    double = 2 * np.arctan2(tangent[:, 1], tangent[:, 0])
+    return {f"nib_{n:.0f}": np.cos(double - 2 * np.radians(n)) for n in NIB_ANGLES}
 
 
 def surface_at(view: View, spacing: float) -> np.ndarray:

@@ -74,7 +74,7 @@ class Style:
     config : how strokes are planned
     log_width : features (N, P) -> log(thickness + HAIR) (N,), thickness in px
     displacement : (M,) float32, how much of each of DEFORMATIONS strokes are moved by
-    scaling : of FEATURES, to what `log_width` and `bank` expect
+    scaling : of its features, to what `log_width` and `bank` expect
     residuals : what strokes do beside that, or None
     bank : the medium, or None for flat ink
     color : (4,) float64 straight RGBA in [0, 1], the flat ink where there is no texture
@@ -114,7 +114,8 @@ class Style:
         """Plan the strokes of a view, move them off their curves, and give them thickness."""
         planned = plan(view, self.config, self._scale(view))
         surface = planned.carry(surface_at(view, self.config.spacing))
-        features = self.scaling(point_features(planned, surface, self.config))
+        names = self.scaling.names
+        features = self.scaling(point_features(planned, surface, self.config, names))
         if not len(planned):
             return LaidStrokes(_no_strokes(), features, None)
         frame = Frame.of(planned, surface, self.config.spacing)

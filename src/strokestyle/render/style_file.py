@@ -19,7 +19,8 @@ from .texture_bank import TextureBank
 if TYPE_CHECKING:
     from .neural_strokes import NeuralStrokesStyle
 
-FORMAT = 3  # 3: the fields are called what the classes call them; 2 is still read
+# 4: features of the nib; 3: the fields are called what the classes call them; 2, 3 are still read
+FORMAT = 4
 # What the settings of format 2 are called now.
 CONFIG_OF_FORMAT_2 = {
     "join": "join_gap",
@@ -46,7 +47,7 @@ def _state(style: Style) -> dict:
         "config": asdict(style.config),
         "log_width": asdict(style.log_width),
         "displacement": style.displacement,
-        "features": {"names": list(FEATURES), **asdict(style.scaling)},
+        "features": asdict(style.scaling) | {"names": list(style.scaling.names)},
         "residuals": None if style.residuals is None else asdict(style.residuals),
         "texture": None if style.bank is None else asdict(style.bank),
         "color": style.color,
@@ -92,9 +93,10 @@ def load_style(path: str | Path, device: str = "cpu") -> Style | NeuralStrokesSt
 def _unpack_style(payload: dict) -> Style:
     known = {f.name for f in fields(StyleConfig)}
     config = {key: value for key, value in payload["config"].items() if key in known}
-    scaling = dict(payload["features"])
-    if tuple(scaling.pop("names")) != FEATURES:
+    names = tuple(payload["features"]["names"])
+    if not set(names) <= set(FEATURES):
         raise KeyError("its features are not those of this version")
+    scaling = payload["features"] | {"names": names}
     residuals, texture = payload["residuals"], payload["texture"]
     return Style(
         config=StyleConfig(**config),
