@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .messages import say, timed
+from .messages import say, timed, told_warnings
 from .options import (
     PRESET_NAMES,
     common_options,
@@ -102,7 +102,7 @@ def fit(
         )
     from ..fit.exemplar import load_exemplar
 
-    with timed("read the drawing"):
+    with timed("read the drawing"), told_warnings():
         size = view.camera.width, view.camera.height
         exemplar, note = load_exemplar(drawing, *size, view.curves.xy)
     if note:

@@ -17,7 +17,7 @@ from PIL import Image
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from .image_file import read_image
+from .image_file import Scan, read_image
 from .registration import Similarity, register
 
 # The numbers below were set by hand; no ablation of them is kept.
@@ -128,13 +128,14 @@ def load_exemplar(
     Returns the exemplar and a note for the user, empty where there is nothing to say.
     Raises ValueError, naming the file, where it is blank, all ink, or no drawing of these curves.
     """
-    rgba, transparent = read_image(path)
+    file = read_image(path, (width, height))
     best: _Laid | None = None
     layouts = [
-        (name, _lay(rgba, width, height, name)) for name in _layouts(rgba.shape, width, height)
+        (name, _lay(file, width, height, name))
+        for name in _layouts((file.height, file.width), width, height)
     ]
     for name, scan in layouts:
-        laid = _registered(name, scan, transparent, str(path), curve_points)
+        laid = _registered(name, scan, file.transparent, str(path), curve_points)
         if best is None or laid.agreement.far_ink < best.agreement.far_ink - BETTER_LAYOUT:
             best = laid
     assert best is not None  # there is one layout at least
@@ -149,8 +150,7 @@ def load_exemplar(
     notes = []
     if len(layouts) > 1:
         notes.append(
-            f"{rgba.shape[1]} x {rgba.shape[0]} px drawing {best.layout} to the "
-            f"{width} x {height} view"
+            f"{file.width} x {file.height} px drawing {best.layout} to the {width} x {height} view"
         )
     if best.moved is not None:
         notes.append(f"registered with the curves: {best.moved}")
@@ -375,24 +375,32 @@ def _layouts(shape: tuple[int, ...], width: int, height: int) -> tuple[str, ...]
     return ("fitted", "cropped", "stretched")
 
 
-def _lay(rgba: np.ndarray, width: int, height: int, layout: str) -> np.ndarray:
-    """Resample a scan (h, w, 4) to (height, width, 4).
+def _lay(file: Scan, width: int, height: int, layout: str) -> np.ndarray:
+    """Resample a scan to (height, width, 4).
 
     This is done premultiplied, so that clear pixels bleed no colour.
     """
-    h, w = rgba.shape[:2]
+    h, w = file.rgba.shape[:2]
     if (w, h) == (width, height):
-        return rgba
-    size = width, height
-    if layout in ("fitted", "cropped"):
-        scale = (min if layout == "fitted" else max)(width / w, height / h)
-        size = max(1, round(w * scale)), max(1, round(h * scale))
-    premultiplied = _premultiplied(rgba)
-    planes = [
-        np.asarray(Image.fromarray(premultiplied[..., k]).resize(size, Image.Resampling.LANCZOS))
-        for k in range(4)
-    ]
-    out = np.stack(planes, axis=-1).clip(0, 1)
+        return file.rgba
+    size, box = (width, height), (0.0, 0.0, float(w), float(h))
+    if layout == "fitted":
+        scale = min(width / file.width, height / file.height)
+        size = max(1, round(file.width * scale)), max(1, round(file.height * scale))
+    elif layout == "cropped":
+        scale = max(width / file.width, height / file.height)
+        x, y = (
+            0.5 * w * (1 - width / scale / file.width),
+            0.5 * h * (1 - height / scale / file.height),
+        )
+        box = max(x, 0.0), max(y, 0.0), min(w - x, float(w)), min(h - y, float(h))
+    clear = file.rgba[..., 3].min() < 1.0
+    rgba = _premultiplied(file.rgba) if clear else file.rgba
+    out = np.ones((size[1], size[0], 4), np.float32)
+    for k in range(4 if clear else 3):
+        plane = Image.fromarray(np.ascontiguousarray(rgba[..., k]))
+        out[..., k] = np.asarray(plane.resize(size, Image.Resampling.LANCZOS, box=box))
+    out = out.clip(0, 1)
     return _straight(out if size == (width, height) else _centred(out, width, height))
 
 

@@ -1,27 +1,58 @@
-"""Read the file of a drawing: its pixels, upright, and whether its ground is transparent."""
+"""Read the file of a drawing: its pixels, upright and in sRGB, at a size to work at."""
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageOps
+from PIL import Image
+
+from .colours import to_srgb
+from .raster import SPACES, Raster, shrunk, upright
 
 MAX_PIXELS = 200_000_000
 MIN_SIDE = 16  # px, of an image that something can be learned from
 MIN_CLEAR = 0.4  # share of clear pixels; a clear margin round an opaque sheet is not its paper
+WORKING = 2.0  # pixels of a reduced drawing for one of the view, at least
+KINDS = "PNG, JPEG or TIFF"
 
 
-def read_image(path: str | Path) -> tuple[np.ndarray, bool]:
+@dataclass(frozen=True)
+class Scan:
+    """The pixels of a drawing's file.
+
+    Parameters
+    ----------
+    rgba : (h, w, 4) float32 in [0, 1], straight, sRGB, upright
+    transparent : whether its ground is what is clear in it
+    width, height : px of the file, upright; h and w are these, or a whole number of times smaller
+    notes : what of the file was not honoured, a line each
+    """
+
+    rgba: np.ndarray
+    transparent: bool
+    width: int
+    height: int
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        if self.rgba.ndim != 3 or self.rgba.shape[2] != 4:
+            raise ValueError(f"Scan.rgba must have shape (h, w, 4), got {self.rgba.shape}")
+
+
+def read_image(path: str | Path, view: tuple[int, int] | None = None) -> Scan:
     """Read an image file.
 
     PNG, JPEG, TIFF and whatever else pillow reads; 8 or 16 bits, grey, palette, RGB, CMYK, with or
-    without alpha.
+    without alpha. Colours are brought to sRGB by the file's profile.
 
-    Returns
-    -------
-    (H, W, 4) float32 straight RGBA in [0, 1], and whether its ground is transparent
+    Parameters
+    ----------
+    path : of the file
+    view : width and height of the view that it is for, px: a file of many times its pixels is
+        reduced to no less than WORKING times its size; None leaves it as large as it is
 
     Raises
     ------
@@ -32,51 +63,121 @@ def read_image(path: str | Path) -> tuple[np.ndarray, bool]:
     """
     path = Path(path)
     if path.is_dir():
-        raise ValueError(f"{path}: a folder; expected an image of the drawing (PNG, JPEG or TIFF)")
+        raise ValueError(f"{path}: a folder; expected an image of the drawing ({KINDS})")
     if path.stat().st_size == 0:
-        raise ValueError(
-            f"{path}: the file is empty; expected an image of the drawing (PNG, JPEG or TIFF)"
-        )
+        raise ValueError(f"{path}: the file is empty; expected an image of the drawing ({KINDS})")
     try:
-        rgba = _decoded(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            scan = _scanned(path, view)
     except Image.DecompressionBombError:
         raise ValueError(f"{path}: too many pixels for a drawing; scale it down") from None
     except (OSError, SyntaxError, EOFError) as error:
         if isinstance(error, (FileNotFoundError, PermissionError)):
             raise
         raise ValueError(
-            f"{path}: not a readable image ({_short(error)}); expected PNG, JPEG or TIFF"
+            f"{path}: not a readable image ({_short(error)}); expected {KINDS}"
         ) from None
-    if min(rgba.shape[:2]) < MIN_SIDE:
+    for note in scan.notes:
+        warnings.warn(f"{path}: {note}", stacklevel=2)
+    if min(scan.width, scan.height) < MIN_SIDE:
+        raise ValueError(f"{path}: {scan.width} x {scan.height} pixels is too small to learn from")
+    return scan
+
+
+def _scanned(path: Path, view: tuple[int, int] | None) -> Scan:
+    """The pixels of an image file, reduced for a view."""
+    with Image.open(path) as file:
+        size = file.size
+        check_size(path, *size)
+        if file.format == "JPEG" and view and (factor := _factor(size, view)) > 1:
+            file.draft(file.mode, (size[0] // factor, size[1] // factor))
+        file.load()
+        return _laid_open(of_pillow(file), size, view)
+
+
+def check_size(path: Path, width: int, height: int) -> None:
+    """Raise ValueError where an image has more pixels than are read."""
+    if width * height > MAX_PIXELS:
         raise ValueError(
-            f"{path}: {rgba.shape[1]} x {rgba.shape[0]} pixels is too small to learn from"
+            f"{path}: {width} x {height} pixels is too large; scale it below "
+            f"{MAX_PIXELS // 1_000_000} megapixels"
         )
-    clear = rgba[..., 3] < 0.5
-    return rgba, bool(clear.mean() > MIN_CLEAR)
 
 
-def _decoded(path: Path) -> np.ndarray:
-    """The pixels of an image file, upright: (H, W, 4) float32 straight RGBA."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with Image.open(path) as file:
-            if file.width * file.height > MAX_PIXELS:
-                raise ValueError(
-                    f"{path}: {file.width} x {file.height} pixels is too large; scale it below "
-                    f"{MAX_PIXELS // 1_000_000} megapixels"
-                )
-            file.load()
-            image = ImageOps.exif_transpose(file)
-            if image.mode.startswith("I") or image.mode == "F":
-                return _of_grey(np.asarray(image, np.float32), image.mode)
-            return np.asarray(image.convert("RGBA"), np.float32) / 255.0
+def _factor(size: tuple[int, int], view: tuple[int, int] | None) -> int:
+    """How many times smaller an image may be made for a view that may be turned against it."""
+    if view is None:
+        return 1
+    return max(1, int(min(size) / (WORKING * max(view))))
 
 
-def _of_grey(grey: np.ndarray, mode: str) -> np.ndarray:
-    """RGBA of 16-bit and float greys (H, W), which pillow would clip to 8 bits."""
-    top = 65535.0 if mode.startswith("I") else 1.0
-    grey = np.clip(grey / (255.0 if grey.max(initial=0) <= 255 and top > 1 else top), 0, 1)
-    return np.stack([grey] * 3 + [np.ones_like(grey)], axis=-1)
+def _laid_open(raster: Raster, size: tuple[int, int], view: tuple[int, int] | None) -> Scan:
+    """Reduce a raster, bring its colours to sRGB, and stand it upright.
+
+    `size` : of the file, which a decoder may have reduced already
+    """
+    image = shrunk(raster, _factor((raster.width, raster.height), view))
+    alpha = image[..., -1:] if raster.alpha else np.ones_like(image[..., :1])
+    rgb, note = to_srgb(image[..., : SPACES[raster.space]], raster)
+    rgba = upright(np.concatenate([rgb, alpha], axis=-1), raster.orientation)
+    width, height = size if raster.orientation < 5 else size[::-1]
+    return Scan(
+        np.ascontiguousarray(rgba),
+        bool((alpha < 0.5).mean() > MIN_CLEAR),
+        width,
+        height,
+        (*raster.notes, *([note] if note else [])),
+    )
+
+
+DIRECT = {
+    "L": ("L", ""), "LA": ("L", "straight"), "La": ("L", "premultiplied"), "RGB": ("RGB", ""),
+    "RGBA": ("RGB", "straight"), "RGBa": ("RGB", "premultiplied"), "CMYK": ("CMYK", ""),
+    "LAB": ("LAB", ""),
+}  # fmt: skip
+WITH_KEY = {"1": "LA", "L": "LA", "RGB": "RGBA", "P": "RGBA", "PA": "RGBA"}
+WITHOUT_KEY = {"1": "L", "P": "RGB", "PA": "RGBA"}
+
+
+def of_pillow(image: Image.Image) -> Raster:
+    """The raster of an image that pillow has read."""
+    mode = image.mode
+    common = Raster(
+        *image.size,
+        rows=lambda first, last: _cropped(image, mode, first, last),
+        profile=image.info.get("icc_profile") or b"",
+        gamma=0.0 if "srgb" in image.info else float(image.info.get("gamma", 0)),
+        primaries=tuple(image.info.get("chromaticity", ())),
+        orientation=_orientation(image),
+    )
+    if mode.startswith("I") or mode == "F":
+        if mode == "F":
+            top = 1.0
+        else:
+            top = 65535.0 if _highest(image) > 255 else 255.0
+        return replace(common, space="L", top=top)
+    keyed = "transparency" in image.info and mode in WITH_KEY
+    mode = (WITH_KEY if keyed else WITHOUT_KEY).get(mode, mode)
+    mode = mode if mode in DIRECT else "RGB"
+    space, alpha = DIRECT[mode]
+    return replace(common, space=space, alpha=alpha)
+
+
+def _cropped(image: Image.Image, mode: str, first: int, last: int) -> np.ndarray:
+    """Rows of an image in another mode: (last - first, width, n)."""
+    band = image.crop((0, first, image.width, last))
+    rows = np.asarray(band if band.mode == mode else band.convert(mode))
+    return rows if rows.ndim == 3 else rows[..., None]
+
+
+def _highest(image: Image.Image) -> float:
+    return float(np.max([np.max(np.asarray(image))]))
+
+
+def _orientation(image: Image.Image) -> int:
+    value = image.getexif().get(0x0112, 1)
+    return value if value in range(1, 9) else 1
 
 
 def _short(error: Exception) -> str:
