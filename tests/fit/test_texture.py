@@ -7,16 +7,8 @@ import pytest
 
 from strokestyle.drawing.strokes import Strokes
 from strokestyle.fit.exemplar import Exemplar
-from strokestyle.fit.texture import (
-    MIN_MARGIN,
-    NEIGHBOURHOOD,
-    cut_strips,
-    fill_occluded,
-    ink_margin,
-    learn_texture,
-    nearest_strokes,
-    regress_ink,
-)
+from strokestyle.fit.own_ink import MIN_MARGIN, InkOwners, nearest_strokes
+from strokestyle.fit.texture import cut_strips, fill_occluded, learn_texture, regress_ink
 from strokestyle.render.texture_bank import ROWS, Rows, stroke_rows
 
 WIDTH, HEIGHT = 200, 100
@@ -44,52 +36,14 @@ def exemplar_of(alpha, ink=None):
     return Exemplar(rgb, alpha, ink, alpha > 0.5, np.ones(3))
 
 
+def owners_of(strokes, mask=None):
+    """Whose ink is whose, where strokes are all that was drawn if no mask says otherwise."""
+    near = nearest_strokes(strokes, (WIDTH, HEIGHT))
+    return InkOwners.of(near, np.clip(0.5 - near.distance, 0, 1) if mask is None else mask)
+
+
 def features_of(strokes):
     return np.zeros((len(strokes.xy), 1))
-
-
-# ------------------------------------------------------------------------------------- whose ink
-
-
-def test_every_pixel_knows_its_nearest_stroke_and_how_far_the_next_one_is():
-    two = strokes_of([[20, 40], [180, 40]], [[20, 56], [180, 56]])
-    near = nearest_strokes(two, (WIDTH, HEIGHT))
-    assert near.stroke.shape == (HEIGHT, WIDTH)
-    for y, stroke, distance, second in (
-        (40, 0, -3.5, 11.5),  # inside of the upper one; the lower one is not near
-        (45, 0, 1.5, 6.5),
-        (50, 1, 1.5, 6.5),
-        (56, 1, -3.5, 11.5),
-        (30, 0, 5.5, np.inf),
-    ):
-        assert near.stroke[y, 100] == stroke
-        assert near.distance[y, 100] == pytest.approx(distance, abs=0.01)
-        want = second if second <= NEIGHBOURHOOD else np.inf
-        assert near.second[y, 100] == pytest.approx(want, abs=0.01)
-    assert near.stroke[5, 100] == -1 and np.isinf(near.distance[5, 100])
-    # whichever of them comes first
-    other = nearest_strokes(
-        strokes_of([[20, 56], [180, 56]], [[20, 40], [180, 40]]), (WIDTH, HEIGHT)
-    )
-    assert np.array_equal(other.distance, near.distance)
-    assert np.array_equal(other.second, near.second)
-
-
-@pytest.mark.parametrize("reach, margin", [(0, MIN_MARGIN), (3, 4.0), (5, 6.0), (20, 8.0)])
-def test_the_margin_holds_all_but_a_trace_of_the_ink(reach, margin):
-    """Ink of half the opacity reaches this far beyond the edges of the strokes."""
-    one = strokes_of([[20, 50], [180, 50]])
-    near = nearest_strokes(one, (WIDTH, HEIGHT))
-    alpha = np.where(near.distance < 0, 1.0, np.where(near.distance <= reach, 0.5, 0.0))
-    assert ink_margin(near, alpha) == margin
-
-
-def test_the_margin_looks_only_where_a_stroke_is_alone():
-    two = strokes_of([[20, 40], [180, 40]], [[20, 54], [180, 54]])
-    near = nearest_strokes(two, (WIDTH, HEIGHT))
-    alpha = np.where(near.distance < 0, 1.0, 0.0)
-    alpha[45:50] = 1.0  # between the two, whoever's
-    assert ink_margin(near, alpha) == MIN_MARGIN
 
 
 # ---------------------------------------------------------------------------------------- strips
@@ -101,7 +55,7 @@ def test_strips_hold_the_ink_along_and_across_a_stroke():
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     alpha = np.clip(0.2 + 0.004 * x, 0, 1)  # stronger to the right
     ink = np.stack([np.clip((y - 40) / 20, 0, 1), 0 * x, 0 * x], axis=2)  # redder below
-    near = nearest_strokes(one, (WIDTH, HEIGHT))
+    near = owners_of(one)
     strips, free = cut_strips(one, rows, exemplar_of(alpha, ink), near, 2.0)
     assert free.all() and (strips[..., :3] <= strips[..., 3:]).all()
     middle = strips.shape[1] // 2
@@ -120,7 +74,7 @@ def test_a_stroke_against_the_pull_is_cut_from_its_other_end():
     for line in (lines, lines[::-1]):
         one = strokes_of(line, thickness=7.5)
         rows = stroke_rows(one, features_of(one), 2.0)
-        near = nearest_strokes(one, (WIDTH, HEIGHT))
+        near = owners_of(one)
         made.append(cut_strips(one, rows, drawing, near, 2.0)[0])
     assert made[0] == pytest.approx(made[1], abs=1e-3)
 
@@ -128,8 +82,8 @@ def test_a_stroke_against_the_pull_is_cut_from_its_other_end():
 def test_texels_that_another_stroke_may_hide_are_not_free():
     cross = strokes_of([[20, 50], [180, 50]], [[100, 10], [100, 90]])
     rows = stroke_rows(cross, features_of(cross), 2.0)
-    near = nearest_strokes(cross, (WIDTH, HEIGHT))
-    alpha = np.where(near.distance < 0, 1.0, 0.0)
+    near = owners_of(cross)
+    alpha = np.where(near.nearest.distance < 0, 1.0, 0.0)
     _, free = cut_strips(cross, rows, exemplar_of(alpha), near, 2.0)
     level = free[: rows.offsets[1]]
     n, columns = level.shape
@@ -144,8 +98,9 @@ def test_in_the_margin_another_stroke_must_be_farther_away():
     """5 px lie between two strokes; a margin of 4 px ends 1 px from the other one."""
     two = strokes_of([[20, 40], [180, 40]], [[20, 53], [180, 53]])
     rows = stroke_rows(two, features_of(two), 4.0)
-    near = nearest_strokes(two, (WIDTH, HEIGHT))
-    _, free = cut_strips(two, rows, exemplar_of(np.where(near.distance < 0, 1.0, 0.0)), near, 4.0)
+    near = owners_of(two)
+    alpha = np.where(near.nearest.distance < 0, 1.0, 0.0)
+    _, free = cut_strips(two, rows, exemplar_of(alpha), near, 4.0)
     middle = free[: rows.offsets[1]][rows.offsets[1] // 2]
     assert middle[0] and middle[len(middle) // 2] and not middle[-1]
 
@@ -155,7 +110,7 @@ def test_samples_are_ink_though_splines_overshoot():
     rows = stroke_rows(one, features_of(one), 2.0)
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     ink = np.dstack([y < 50, y > 50, 0 * x])  # red and green meet sharply
-    near = nearest_strokes(one, (WIDTH, HEIGHT))
+    near = owners_of(one)
     strips, _ = cut_strips(one, rows, exemplar_of(np.full((HEIGHT, WIDTH), 0.7), ink), near, 2.0)
     assert strips.min() >= 0 and (strips[..., :3] <= strips[..., 3:]).all()
 

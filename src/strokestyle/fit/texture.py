@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from ..drawing.raster import distance_map
-from ..drawing.ribbon import across, ribbon, strip_points, strip_stretch
+from ..drawing.ribbon import Ribbon, across, ribbon, strip_points, strip_stretch
 from ..drawing.strip import straight
 from ..drawing.strokes import Strokes
 from ..geometry.curves import owner
-from ..render.quilt import choose_runs, lay_runs
 from ..render.texture_bank import (
     INK_SIGMA,
     ROWS,
@@ -23,28 +21,14 @@ from ..render.texture_bank import (
     plain_regressors,
     regressors_of,
     smooth_rows,
-    solid_ink,
-    stroke_ink,
     stroke_rows,
 )
 from .exemplar import Exemplar
+from .flatness import evenness
+from .own_ink import InkOwners, Texels, ink_margin, nearest_strokes
 
-MIN_MARGIN = 2.0  # px that strips reach beyond the half thickness, where the ink ends sharply there
-NEIGHBOURHOOD = 10.0  # px around a stroke that are looked at to tell whose ink lies there
-TRACE_OF_INK = 0.02  # of the mean opacity inside: less ink than that is none
-
-# Where a pixel of a strip is the stroke's own. Set by hand; no ablation is kept.
-INSIDE, FREE_INSIDE = 1.0, 0.5  # px deep in the stroke, where another need be only this far away
-FREE_OUTSIDE = 1.0  # px that another stroke may reach into the margin elsewhere
+# Set by hand; no ablation is kept.
 STRETCH = 0.4, 2.0  # length along the strip by length along the stroke: beyond, a bend folds it
-
-# Flat ink against strips. Set by hand; no ablation is kept.
-FLAT_TAX = 1.1  # flat ink may err this many times as much as strips: it is crisp at any size, and
-# easy to edit
-CLEAN = 0.12  # and where it errs less than this, nobody misses a texture
-SIGHT = 1.2  # px, blur under which flat ink and strips are compared
-CELL, BANDS = 12, 4  # px along a strip, and parts across it, over which traits are averaged
-MAX_OCCLUSION = 0.2  # of rows that are compared
 
 FOLDS = 5  # strokes are held out by their number modulo this
 STRENGTHS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # of the ridge, per row, that are tried
@@ -73,9 +57,10 @@ def learn_texture(
     if not len(strokes):
         raise ValueError("learn_texture: no strokes to learn from")
     nearest = nearest_strokes(strokes, exemplar.alpha.shape[::-1])
-    margin = ink_margin(nearest, exemplar.alpha)
+    owners = InkOwners.of(nearest, exemplar.mask)
+    margin = ink_margin(nearest, exemplar.alpha, owners.foreign <= 0)
     rows = stroke_rows(strokes, features, margin)
-    strips, free = cut_strips(strokes, rows, exemplar, nearest, margin)
+    strips, free = cut_strips(strokes, rows, exemplar, owners, margin)
     occlusion = 1.0 - free.mean(axis=1)
     strips = fill_occluded(strips, free, rows, margin)
     core = _core(rows.width, margin, strips.shape[1])
@@ -100,74 +85,19 @@ def learn_texture(
         margin=float(np.float32(margin)),
         flat=False,
     )
-    return replace(bank, flat=_flat_does(bank, rows, strips, occlusion, seed))
-
-
-# ------------------------------------------------------------------------------------- whose ink
-
-
-@dataclass(frozen=True)
-class NearestStrokes:
-    """Whose pixels are whose.
-
-    Parameters
-    ----------
-    stroke : (H, W) int64, the stroke that each pixel lies deepest in, -1 where none is near
-    distance : (H, W) px by which it lies outside that stroke, negative inside, inf where none is
-        near
-    second : (H, W) px by which it lies outside the next one, inf where there is none
-    """
-
-    stroke: np.ndarray
-    distance: np.ndarray
-    second: np.ndarray
-
-
-def nearest_strokes(strokes: Strokes, size: tuple[int, int]) -> NearestStrokes:
-    """Find the two nearest strokes of every pixel of a canvas of `size` (width, height) px.
-
-    Strokes farther away than NEIGHBOURHOOD are not near.
-    """
-    width, height = size
-    stroke = np.full((height, width), -1)
-    distance, second = np.full((height, width), np.inf), np.full((height, width), np.inf)
-    for i in range(len(strokes)):
-        crop, own = distance_map(strokes, i, size, NEIGHBOURHOOD)
-        box = crop.index
-        old = distance[box]
-        better = own < old
-        second[box] = np.where(better, old, np.minimum(second[box], own))
-        stroke[box] = np.where(better, i, stroke[box])
-        distance[box] = np.where(better, own, old)
-    return NearestStrokes(stroke, distance, second)
-
-
-def ink_margin(nearest: NearestStrokes, alpha: np.ndarray) -> float:
-    """The px beyond the strokes' edges within which all but a trace of their ink (H, W) lies."""
-    alone = nearest.second > NEIGHBOURHOOD
-    inside = alone & (nearest.distance < 0)
-    if not inside.any():
-        return MIN_MARGIN
-    level = TRACE_OF_INK * alpha[inside].mean()
-    reach = NEIGHBOURHOOD
-    for k in range(int(NEIGHBOURHOOD)):
-        ring = alone & (nearest.distance > k) & (nearest.distance <= k + 1)
-        if not ring.any() or alpha[ring].mean() < level:
-            reach = k
-            break
-    return float(np.clip(reach + 1, MIN_MARGIN, NEIGHBOURHOOD - 2))
+    return replace(bank, flat=evenness(bank, rows, strips).flat)
 
 
 # ---------------------------------------------------------------------------------------- strips
 
 
 def cut_strips(
-    strokes: Strokes, rows: Rows, exemplar: Exemplar, nearest: NearestStrokes, margin: float
+    strokes: Strokes, rows: Rows, exemplar: Exemplar, owners: InkOwners, margin: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sample the ink along every stroke, as a hand pulls it.
 
     Returns premultiplied samples (R, A, 4), and (R, A) bool, False where they are not the stroke's
-    own: where another stroke lies, or a bend folds or tears the strip.
+    own: where another stroke or unexplained ink lies, or a bend folds or tears the strip.
     """
     columns = bank_columns(rows, margin)
     planes = [exemplar.ink[..., k] * exemplar.alpha for k in range(3)] + [exemplar.alpha]
@@ -176,30 +106,32 @@ def cut_strips(
     for i in range(len(strokes)):
         band = ribbon(strokes, i, margin)
         n = rows.offsets[i + 1] - rows.offsets[i]
-        at = strip_points(band, n, columns)[..., ::-1].transpose(2, 0, 1) - 0.5  # (2, n, A) y, x
+        turn = slice(None, None, -1 if rows.turned[i] else 1)
+        texels = _texels(band, rows, i, columns, margin, turn)
+        at = texels.at
         samples = [
             ndimage.map_coordinates(plane, at, order=3, mode="nearest", prefilter=False)
             for plane in planes
         ]
         stretch = strip_stretch(band, n, columns)
-        own = _own_pixels(nearest, i, at, margin)
+        own = owners.own(i, texels, margin)
         own &= (stretch > STRETCH[0]) & (stretch < STRETCH[1])
-        turn = slice(None, None, -1 if rows.turned[i] else 1)
         strips.append(np.stack(samples, axis=-1)[turn, turn])
         free.append(own[turn, turn])
     return _valid_ink(np.concatenate(strips)), np.concatenate(free)
 
 
-def _own_pixels(nearest: NearestStrokes, i: int, at: np.ndarray, margin: float) -> np.ndarray:
-    """Whether no other stroke than i shows at points (2, n, A), y, x in rows and columns."""
-    height, width = nearest.stroke.shape
-    row, column = np.rint(at).astype(np.int64)
-    y, x = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
-    mine = nearest.stroke[y, x] == i
-    own = np.where(mine, nearest.distance[y, x], nearest.second[y, x])
-    other = np.where(mine, nearest.second[y, x], nearest.distance[y, x])
-    # another stroke's soft edge does no harm well inside this one
-    return other > np.where(own < -INSIDE, FREE_INSIDE, margin - FREE_OUTSIDE)
+def _texels(band: Ribbon, rows: Rows, i: int, columns: int, margin: float, turn: slice) -> Texels:
+    """Place the strip of stroke i on the image, in the direction of the stroke's points."""
+    part = slice(rows.offsets[i], rows.offsets[i + 1])
+    n = part.stop - part.start
+    half = 0.5 * rows.width[part][turn] + margin
+    return Texels(
+        at=strip_points(band, n, columns)[..., ::-1].transpose(2, 0, 1) - 0.5,
+        aside=across(columns)[None] * half[:, None],
+        thickness=rows.thickness[part][turn],
+        past=(rows.ends[part].min(axis=1) < 0)[turn],
+    )
 
 
 def _valid_ink(samples: np.ndarray) -> np.ndarray:
@@ -365,71 +297,3 @@ def _appearance(strips: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     colors = [(coarse[..., k] - coarse[..., 3]) / np.sqrt(3.0) for k in range(3)]
     seen = np.concatenate([coarse[..., 3], *colors], axis=1)
     return smooth_rows(seen, offsets, APPEARANCE_SIGMA * ROWS) / np.sqrt(len(groups))
-
-
-# ---------------------------------------------------------------------------- flat ink, or strips
-
-
-def _flat_does(
-    bank: TextureBank, rows: Rows, strips: np.ndarray, occlusion: np.ndarray, seed: int
-) -> bool:
-    """Whether flat ink renders the training strokes as well as strips of the other strokes do.
-
-    Compared are not pixels, which would favour a blur, but what the eye takes from a mark: darkness
-    and its unevenness, edges across and grain along, each averaged over cells of some px.
-    """
-    body = rows.ends.min(axis=1) > -1.0
-    weight = ((occlusion < MAX_OCCLUSION) & body).astype(float)
-    truth = _traits(strips, rows, weight)
-    scale = np.abs(truth).mean(axis=0) + 0.01
-    flat, laid = (
-        float((np.abs(_traits(made, rows, weight) - truth) / scale).mean())
-        for made in (_in_flat_ink(bank, rows, strips.shape[1]), _in_strips(bank, rows, seed))
-    )
-    return flat <= max(FLAT_TAX * laid, CLEAN)
-
-
-def _in_strips(bank: TextureBank, rows: Rows, seed: int) -> np.ndarray:
-    """The training strokes (R, A, 4), premultiplied, laid with strips of the other strokes."""
-    itself = np.eye(len(rows.offsets) - 1, dtype=bool) if len(rows.offsets) > 2 else None
-    predicted = bank.predicted_ink.astype(np.float64)
-    chosen = choose_runs(bank, rows, predicted, np.random.default_rng(seed), itself)
-    laid = lay_runs(bank, rows, chosen, predicted).astype(np.float32) / 255.0
-    laid[..., :3] *= laid[..., 3:]
-    return laid
-
-
-def _in_flat_ink(bank: TextureBank, rows: Rows, columns: int) -> np.ndarray:
-    """The training strokes (R, columns, 4), premultiplied, each filled with one ink."""
-    v = across(columns)
-    distance = np.abs(v)[None] * (0.5 * rows.width + bank.margin)[:, None]
-    cover = np.clip(0.5 * rows.thickness[:, None] - distance + 0.5, 0, 1)
-    cover *= (rows.ends.min(axis=1) > -0.5 * rows.thickness)[:, None]
-    predicted = bank.predicted_ink.astype(np.float64)
-    ink = stroke_ink(rows, solid_ink(predicted, bank))[owner(rows.offsets)]
-    solid = np.concatenate([ink[:, :3], np.ones((len(ink), 1))], axis=1)
-    return (cover * ink[:, 3:])[..., None] * solid[:, None]
-
-
-def _traits(strips: np.ndarray, rows: Rows, weight: np.ndarray) -> np.ndarray:
-    """What marks look like, per cell: (cells, traits).
-
-    Cells are CELL px long and one of BANDS across; traits are opacity and darkness, their change
-    across and along, and their square. Rows count by `weight` (R,); half of a cell's must.
-    """
-    darkness = strips[..., 3] - strips[..., :3].mean(axis=2)
-    tone = np.stack([strips[..., 3], darkness], axis=2)
-    tone = ndimage.gaussian_filter(tone, (SIGHT * ROWS, SIGHT * ROWS, 0))
-    per_px = ROWS * 1.0
-    edges = np.abs(np.diff(tone, axis=1, append=0)) * per_px
-    grain = np.abs(np.diff(tone, axis=0, append=0)) * per_px
-    grain[rows.offsets[1:] - 1] = 0.0
-    maps = np.concatenate([tone, edges, grain, np.square(tone)], axis=2)
-    cell = np.arange(len(tone)) // (CELL * ROWS)
-    count = np.bincount(cell, weight, minlength=cell[-1] + 1)
-    bands = [band.mean(axis=1) for band in np.array_split(maps, BANDS, axis=1)]
-    table = np.concatenate(bands, axis=1) * weight[:, None]
-    sums = np.stack(
-        [np.bincount(cell, column, minlength=cell[-1] + 1) for column in table.T], axis=1
-    )
-    return (sums / np.maximum(count, 1)[:, None])[count > CELL // 2 * ROWS]
