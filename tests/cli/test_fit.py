@@ -102,3 +102,23 @@ def test_elsewhere_a_line_tells_of_each_stage_that_is_done(monkeypatch):
 @pytest.mark.parametrize("stderr", [io.StringIO, Terminal])
 def test_quiet_is_quiet(monkeypatch, stderr):
     assert shown(monkeypatch, stderr(), verbosity=-1) == ""
+
+
+def test_lines_that_were_not_drawn_are_told_and_left_out(desk):
+    view = a_view()
+    first = np.arange(len(view.curves.xy)) < view.curves.offsets[1]
+    drawn = (a_drawing(view.only(first)).rgb * 255).astype(np.uint8)
+    Image.fromarray(drawn).save("first.png")
+    done = run("fit", "first.png", "view.npz", "-o", "first.pt", "--preset", "quick")
+    assert "first.png: drew 1 of 2 lines (5" in done.stderr
+    done = run("fit", "charcoal.png", "view.npz", "-o", "both.pt", "--preset", "quick")
+    assert "charcoal.png: drew all 2 lines\n" in done.stderr
+    for model, choice, counted in (
+        ("first.pt", "learned", "1 curve of 2"),
+        ("first.pt", "all", "2 curves,"),
+        ("both.pt", "learned", "2 curves,"),
+    ):
+        done = run("render", model, "view.npz", "-o", "out.svg", "--choice", choice)
+        assert done.stderr.startswith(f"view.npz: {counted}"), done.stderr
+        svg = (desk / "out.svg").read_text()
+        assert ("crease" in svg) == (counted[0] == "2")

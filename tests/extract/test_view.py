@@ -458,6 +458,8 @@ def same(a, b):
             for n in ("xy", "offsets", "kind", "closed")
         )
         and a.maps.names == b.maps.names
+        and np.array_equal(a.strength, b.strength)
+        and np.array_equal(a.optional, b.optional)
         and all(
             np.array_equal(getattr(a.maps, n), getattr(b.maps, n))
             for n in ("values", "covered", "scale")
@@ -472,14 +474,20 @@ def test_a_view_comes_back_exactly(view, tmp_path):
     save_view(tmp_path / "v.npz", view)
     assert (tmp_path / "v.npz").read_bytes() == first
     assert [p.name for p in tmp_path.iterdir()] == ["v.npz"]
+    told = replace(view, optional=np.arange(len(view.curves)) % 2 == 1)
+    save_view(tmp_path / "o.npz", told)
+    assert same(load_view(tmp_path / "o.npz"), told)
+    (tmp_path / "o.npz").unlink()
     empty = View(view.camera, Curves.empty(), view.maps)
     save_view(tmp_path / "e.npz", empty)
     assert same(load_view(tmp_path / "e.npz"), empty)
+    assert load_view(tmp_path / "e.npz").strength is None  # curves from elsewhere have none
     both = replace(view, hidden=Curves.from_list([[[1, 2], [3, 4.5]]], [2]))
     save_view(tmp_path / "h.npz", both)
     back = load_view(tmp_path / "h.npz")
     assert same(back, view) and same(
-        replace(back, curves=back.hidden), replace(view, curves=both.hidden)
+        replace(back, curves=back.hidden, strength=None),
+        replace(view, curves=both.hidden, strength=None),
     )
     assert len(load_view(tmp_path / "v.npz").hidden) == 0
 

@@ -135,7 +135,17 @@ def fit(
     save_style(output, style)
     checkpoint.remove()
     write_picture(picture, fit_report(view, exemplar, style))
+    say(f"{drawing}: {drawn_lines(style.about)}")
     say(f"{drawing}: learned in {time.perf_counter() - started:.0f} s -> {output}, {picture}")
+
+
+def drawn_lines(about: dict[str, Any]) -> str:
+    """Tell how many of the lines the artist drew: "drew 31 of 54 lines (62 % of their length)"."""
+    count, total = about["lines_drawn"], about["lines"]
+    if count == total:
+        return f"drew all {total} lines" if total > 1 else "drew the one line"
+    share = min(100.0 * about["share_drawn"], 99.0)
+    return f"drew {count} of {total} lines ({share:.0f} % of their length)"
 
 
 def say_how_it_begins(checkpoint: Path, resume: bool, minutes: float | None) -> None:

@@ -67,8 +67,12 @@ def describe(error: BaseException) -> str:
     return " ".join(text.split())
 
 
-def count_curves(curves: Curves) -> str:
-    """Number, length and kinds of curves: "41 curves, 5312 px (contour 20, valley 21)"."""
+def count_curves(curves: Curves, total: int | None = None) -> str:
+    """Number, length and kinds of curves: "41 curves, 5312 px (contour 20, valley 21)".
+
+    Where they are the pieces left of another number of curves, `total`, it is told: "41 curves of
+    50 ...".
+    """
     import numpy as np
 
     from ..geometry.kinds import KINDS
@@ -78,4 +82,5 @@ def count_curves(curves: Curves) -> str:
     counts = np.bincount(curves.kind, minlength=len(KINDS))
     kinds = ", ".join(f"{name} {n}" for name, n in zip(KINDS, counts, strict=True) if n)
     plural = "s" if len(curves) > 1 else ""
-    return f"{len(curves)} curve{plural}, {curves.lengths().sum():.0f} px ({kinds})"
+    of = "" if total in (None, len(curves)) else f" of {total}"
+    return f"{len(curves)} curve{plural}{of}, {curves.lengths().sum():.0f} px ({kinds})"

@@ -18,6 +18,7 @@ VIEWS = "front, three-quarter, side, back, left, right, top, bottom, isometric, 
 PROJECTIONS = ("perspective", "parallel")
 PRESET_NAMES = ("quick", "standard", "paper")
 TEXTURES = ("auto", "vector", "image", "none")
+CHOICES = ("learned", "all")
 SIZES = (64, 8192)  # px, the least and the most of a canvas's side
 
 

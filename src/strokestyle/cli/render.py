@@ -15,6 +15,7 @@ from .. import __version__
 from .messages import count_curves, describe, say, timed
 from .model import read_style
 from .options import (
+    CHOICES,
     TEXTURES,
     common_options,
     curve_options,
@@ -49,6 +50,7 @@ class RenderSettings(NamedTuple):
     preview : pixels of its PNG per pixel of the SVG, or None for no PNG
     stages : folder for the steps of the drawing, or None
     stages_scale : pixels of their PNGs per pixel of the drawing
+    choice : "learned" or "all" lines
     """
 
     model: str
@@ -60,6 +62,7 @@ class RenderSettings(NamedTuple):
     preview: float | None
     stages: str | None
     stages_scale: float
+    choice: str
 
 
 @click.command(
@@ -87,6 +90,14 @@ Examples:
     show_default=True,
     help="vector: grain as paths, crisp at any size; image: a picture for each stroke; none: flat "
     "ink; auto: vector for grain in one ink, image for soft or coloured texture.",
+)
+@click.option(
+    "--choice",
+    type=click.Choice(CHOICES),
+    default="learned",
+    show_default=True,
+    help="learned: the lines that the artist would draw, going by those left out of the exemplar; "
+    "all: all of them.",
 )
 @click.option("--png", is_flag=True, help="Write a PNG preview beside each SVG.")
 @click.option(
@@ -130,6 +141,7 @@ def render(
     shapes: tuple[str, ...],
     output: str | None,
     texture: str,
+    choice: str,
     png: bool,
     png_scale: float,
     stages: str | None,
@@ -164,6 +176,7 @@ def render(
         preview=png_scale if png else None,
         stages=stages,
         stages_scale=png_scale,
+        choice=choice,
     )
     if draw_batch(settings, batch, jobs):
         sys.exit(1)
@@ -236,16 +249,27 @@ def try_to_draw(settings: RenderSettings, job: Job) -> Outcome:
 
 def draw_shape(settings: RenderSettings, job: Job) -> str:
     """Draw one shape from all sides that are asked for, and write that; what to say of it."""
+    from ..render.choice import unknown_kinds
+
     style = read_style(settings.model, settings.device)
     written = []
+    left_out: set[str] = set()
     for side, view in enumerate(Shape(job.shape, settings.shape).views()):
         with timed("draw"):
-            drawing = style.draw(view, seed=settings.seed)
-        written += write_side(settings, job, side, view, drawing)
+            lines = style.choose(view) if settings.choice == "learned" else view
+            drawing = style.draw(lines, seed=settings.seed, choice="all")
+        if style.choice is not None:
+            left_out.update(unknown_kinds(view, lines, style.choice))
+        written += write_side(settings, job, side, lines, drawing)
+    if left_out:
+        say(
+            f"warning: {job.shape}: drawn without lines of kind {', '.join(sorted(left_out))}, "
+            "which the exemplar did not have; --choice all draws them"
+        )
     files = ", ".join(written) if len(written) < 4 else f"{written[0]} ... {written[-1]}"
     empty = not len(view.curves)
     note = " (no visible curves from this view: an empty drawing)" if empty else ""
-    return f"{job.shape}: {count_curves(view.curves)} -> {files}{note}"
+    return f"{job.shape}: {count_curves(lines.curves, len(view.curves))} -> {files}{note}"
 
 
 def write_side(

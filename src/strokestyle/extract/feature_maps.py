@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,6 +85,14 @@ class FeatureMaps:
     def __getitem__(self, name: str) -> np.ndarray:
         """Give the map of that name, (H, W)."""
         return self.values[self.names.index(name)]
+
+    def with_curves(self, curves: Curves) -> FeatureMaps:
+        """Draw the plain raster anew, of these curves; the maps as they are where they lack one."""
+        if "plain" not in self.names:
+            return self
+        values, (height, width) = self.values.copy(), self.covered.shape
+        values[self.names.index("plain")] = _half(plain_raster(curves, width, height))
+        return replace(self, values=values)
 
 
 def feature_maps(surface: Surface, camera: Camera, curves: Curves, bvh: Bvh) -> FeatureMaps:

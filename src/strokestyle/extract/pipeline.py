@@ -63,23 +63,24 @@ def extract_view(
     found, unseen = lines.split_from(camera, hidden)
     sight = look_along(surface, camera, found, lines.bvh)
     seen = _tidied(surface, camera, sight.fragments(), spacing)
-    behind = _Tidied(Curves.empty(), Curves.empty(), None)
+    behind = _Tidied(Curves.empty(), Curves.empty(), None, np.zeros(0))
     if hidden:
         away = _hidden_fragments(sight, look_along(surface, camera, unseen, None))
         apart = _apart_from(seen.strokes, away, camera)
         behind = _tidied(surface, camera, apart, spacing)
     del found, unseen, sight  # of millions of points, where lines lie behind one another
     maps = feature_maps(surface, camera, seen.curves, lines.bvh)
-    view = View(camera, seen.curves, maps, behind.curves)
+    view = View(camera, seen.curves, maps, behind.curves, strength=seen.strength)
     return _with_parts(view, surface, seen.faces, behind.faces)
 
 
 class _Tidied(NamedTuple):
-    """Curves of a view: tidied; the same evenly spaced; and the face of each of their N points."""
+    """Curves of a view: tidied; the same evenly spaced; face and strength of their N points."""
 
     strokes: Curves
     curves: Curves
     faces: np.ndarray | None
+    strength: np.ndarray
 
 
 def _tidied(surface: Surface, camera: Camera, fragments: Fragments, spacing: float) -> _Tidied:
@@ -87,8 +88,10 @@ def _tidied(surface: Surface, camera: Camera, fragments: Fragments, spacing: flo
     size = (camera.width, camera.height)
     strokes = tidy_with_source(fragments.curves, fragments.strength, size)
     curves, of_stroke = resample_with_source(strokes.curves, spacing, strokes.corner)
-    faces = faces_of(surface, curves, fragments, strokes.source[of_stroke])
-    return _Tidied(strokes.curves, curves, faces)
+    source = strokes.source[of_stroke]
+    faces = faces_of(surface, curves, fragments, source)
+    strength = np.clip(fragments.strength[source], 0.0, 1.0) if len(source) else np.zeros(0)
+    return _Tidied(strokes.curves, curves, faces, strength)
 
 
 def _hidden_fragments(found: SampledLines, unseen: SampledLines) -> Fragments:

@@ -6,12 +6,12 @@ One shape from one camera, and all that the networks ever see.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from ..geometry.curves import Curves, arc_length
+from ..geometry.curves import Curves, arc_length, owner, runs, take_ragged
 from ..geometry.parts import Parts
 from .camera import Camera
 from .feature_maps import NORMAL_MAPS, FeatureMaps
@@ -32,11 +32,16 @@ class View:
     hidden : Curves behind the surface, where they were asked for
     parts, hidden_parts : the named part of the shape that each point of the curves, and of the
         hidden ones, lies on; None where the shape has but one
+    strength : (N,) float64 in 0..1, how far above its threshold a line is at each point of the
+        curves, 1 for hard lines; None where nothing is known of it, as of curves from elsewhere
+    optional : (C,) bool, the curves that are weaker than those of the detail asked for: an artist
+        may draw them, and nobody else does; None where there are none
 
     Raises
     ------
     ValueError
-        where the maps are not of the camera's size, or the parts do not fit the curves.
+        where the maps are not of the camera's size, or parts, strength or optional do not fit the
+        curves.
     """
 
     camera: Camera
@@ -45,6 +50,8 @@ class View:
     hidden: Curves = field(default_factory=Curves.empty)
     parts: Parts | None = None
     hidden_parts: Parts | None = None
+    strength: np.ndarray | None = None
+    optional: np.ndarray | None = None
 
     def __post_init__(self):
         if self.maps.covered.shape != (self.camera.height, self.camera.width):
@@ -57,6 +64,43 @@ class View:
                 raise ValueError(
                     f"View.parts must name the part of {len(curves.xy)} points, not of {len(parts)}"
                 )
+        self._keep("strength", np.float64, (len(self.curves.xy),))
+        self._keep("optional", bool, (len(self.curves),))
+
+    def _keep(self, name: str, kind: type, shape: tuple[int]) -> None:
+        """Make an array of a field that may be None; ValueError unless it is finite, of a shape."""
+        if getattr(self, name) is None:
+            return
+        value: np.ndarray = np.asarray(getattr(self, name), kind)
+        if value.shape != shape or not np.isfinite(value).all():
+            raise ValueError(f"View.{name} must be finite, of shape {shape}, got {value.shape}")
+        object.__setattr__(self, name, value)
+
+    def only(self, keep: np.ndarray) -> View:
+        """Cut the curves down to stretches of two or more points that are kept, (N,) bool.
+
+        Strength and parts go with them; a closed curve that is cut is open. The raster of the
+        curves among the maps is drawn anew where it is there; hidden curves stay.
+        """
+        keep = np.asarray(keep, bool)
+        if keep.all():
+            return self
+        curves, line = self.curves, owner(self.curves.offsets)
+        start = runs(keep, line)
+        count = np.diff(start)
+        good = np.flatnonzero(keep[start[:-1]] & (count >= 2))
+        rows, offsets = take_ragged(start, good)
+        of = line[start[good]]
+        whole = count[good] == np.diff(curves.offsets)[of]
+        left = Curves(curves.xy[rows], offsets, curves.kind[of], curves.closed[of] & whole)
+        return replace(
+            self,
+            curves=left,
+            maps=self.maps.with_curves(left),
+            parts=None if self.parts is None else self.parts.take(rows),
+            strength=None if self.strength is None else self.strength[rows],
+            optional=None if self.optional is None else self.optional[of],
+        )
 
     @property
     def curve_parts(self) -> Parts | None:

@@ -6,6 +6,7 @@ import json
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from .view import View
 
 FORMAT = 1
 CURVE_ARRAYS = ("xy", "offsets", "kind", "closed")
+OF_LINES = ("strength", "optional")  # what may be known of the lines besides
 JSON_WANTED = '"curves": [[[x, y], ...], ...]'
 JSON_FIELDS = {  # maps told along the curves, and their names in the file
     "depth": "depth",
@@ -42,6 +44,7 @@ def save_view(path: str | Path, view: View) -> None:
         "covered": np.packbits(maps.covered),
         "scale": maps.scale,
     }
+    arrays |= {name: getattr(view, name) for name in OF_LINES if getattr(view, name) is not None}
     if len(view.hidden):
         arrays |= {f"hidden_{name}": getattr(view.hidden, name) for name in CURVE_ARRAYS}
     if view.parts is not None:
@@ -80,12 +83,13 @@ def load_view(path: str | Path) -> View:
             if "hidden_xy" in file.files:
                 hidden = Curves(*(file[f"hidden_{name}"] for name in CURVE_ARRAYS))
             maps = FeatureMaps(tuple(map(str, file["names"])), file["values"], covered, scale)
-            parts = {
+            known: dict[str, Any] = {
                 f"{name}s": Parts(tuple(map(str, file["part_names"])), file[name])
                 for name in ("part", "hidden_part")
                 if name in file.files
             }
-            return View(camera, curves, maps, hidden, **parts)
+            known |= {name: file[name] for name in OF_LINES if name in file.files}
+            return View(camera, curves, maps, hidden, **known)
     except (zipfile.BadZipFile, EOFError, KeyError, zlib.error, TypeError) as error:
         raise ValueError(
             f"{path}: not a view, or a damaged one ({error}); extract it again"

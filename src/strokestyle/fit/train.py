@@ -12,6 +12,7 @@ from ..render.devices import pick_device, repeatable
 from ..render.neural_strokes import NeuralStrokesStyle
 from ..render.style import Style
 from .checkpoint import Checkpoint, digest
+from .choice import learn_lines
 from .config import FitConfig
 from .exemplar import Exemplar
 from .learn import fit_quick
@@ -75,15 +76,18 @@ def fit_style(
     about = {"strokestyle": __version__, "preset": config.preset, "seed": seed, "exemplar": source}
     where, checkpoint = pick_device(device), checkpoint or Checkpoint()
     checkpoint.begin(_key(view, exemplar, config, seed))
+    lines = learn_lines(view, exemplar.mask)
+    view, about = lines.view, about | lines.about
     if isinstance(config, NeuralStrokesConfig):
         report = Reporter(progress, config.geometry_steps + config.texture_steps)
-        return fit_neural_strokes(
+        paper = fit_neural_strokes(
             view, exemplar, config, seed, where, report, about, checkpoint, until
         )
+        return replace(paper, choice=lines.choice)
     report = Reporter(progress, 2 * config.steps + config.trace_steps)
     with repeatable(where):
         style, _ = fit_quick(view, exemplar, config, seed, where, report, checkpoint, until)
-    return replace(style, about=about)
+    return replace(style, choice=lines.choice, about=about)
 
 
 def _key(

@@ -21,6 +21,7 @@ from ..drawing.strokes import Drawing, Strokes, Texture
 from ..extract.feature_maps import NEURAL_STROKES_MAPS
 from ..extract.view import View
 from ..geometry.curves import arc_length, owner, tangents
+from .choice import LineChoice, choose_lines
 from .coverage import coverage
 from .networks import PathNet, SurfaceNet, TextureNet
 
@@ -44,15 +45,25 @@ class NeuralStrokesStyle:
     path : PathNet, h
     texture : TextureNet, g
     about : provenance: strokestyle version, preset, seed, exemplar
+    choice : which lines are drawn, or None for all; that is ours, not the paper's
     """
 
     surface: nn.Module
     path: nn.Module
     texture: nn.Module
     about: dict = field(default_factory=dict)
+    choice: LineChoice | None = None
 
-    def draw(self, view: View, seed: int = 0) -> Drawing:
-        """Draw a view, in its pixels. There is no chance in this style: `seed` changes nothing."""
+    def choose(self, view: View) -> View:
+        """Leave out of a view the lines, and parts of lines, that the artist would not draw."""
+        return choose_lines(view, self.choice)
+
+    def draw(self, view: View, seed: int = 0, choice: str = "learned") -> Drawing:
+        """Draw a view, in its pixels. There is no chance in this style: `seed` changes nothing.
+
+        `choice` is as `Style.draw` takes it.
+        """
+        view = choose_lines(view, self.choice if choice == "learned" else None)
         size = (view.camera.width, view.camera.height)
         if not len(view.curves):
             return Drawing(Strokes.empty(), size, np.zeros((0, 4)))
@@ -105,7 +116,7 @@ class NeuralStrokesStyle:
                 {key: torch.from_numpy(value) for key, value in state[name].items()}
             )
             net.to(device).eval()
-        return cls(**nets, about=about)
+        return cls(nets["surface"], nets["path"], nets["texture"], about)
 
 
 def view_maps(view: View, device: torch.device | str = "cpu") -> Tensor:

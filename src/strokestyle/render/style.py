@@ -16,6 +16,7 @@ from ..drawing.strokes import Drawing, Strokes, Texture
 from ..extract.view import View
 from ..geometry.curves import arc_length
 from ..geometry.parts import Pieces
+from .choice import LineChoice, choose_lines
 from .config import HAIR, StyleConfig
 from .displacement import Frame, displaced
 from .features import FeatureScaling, plan, point_features, surface_at
@@ -79,6 +80,7 @@ class Style:
     bank : the medium, or None for flat ink
     color : (4,) float64 straight RGBA in [0, 1], the flat ink where there is no texture
     about : provenance: strokestyle version, preset, seed, exemplar
+    choice : which lines are drawn, or None for all
     """
 
     config: StyleConfig
@@ -89,15 +91,22 @@ class Style:
     bank: TextureBank | None = None
     color: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
     about: dict = field(default_factory=dict)
+    choice: LineChoice | None = None
 
-    def draw(self, view: View, seed: int = 0) -> Drawing:
+    def choose(self, view: View) -> View:
+        """Leave out of a view the lines, and parts of lines, that the artist would not draw."""
+        return choose_lines(view, self.choice, self._scale(view))
+
+    def draw(self, view: View, seed: int = 0, choice: str = "learned") -> Drawing:
         """Draw a view: strokes in its pixels, with texture.
 
-        The same seed gives the same drawing; another one gives other residuals and other joints of
+        Drawn are the lines that the artist would choose, or with `choice` "all" all of them. The
+        same seed gives the same drawing; another one gives other residuals and other joints of
         the texture. A view whose longer side is k times the style's canvas is drawn k times as
         large: thickness and displacement are scaled with it.
         """
         scale = self._scale(view)
+        view = choose_lines(view, self.choice if choice == "learned" else None, scale)
         laid = self.lay_strokes(view, seed)
         strokes, color, texture = laid.strokes, np.tile(self.color, (len(laid.strokes), 1)), None
         if self.bank is not None and len(strokes):

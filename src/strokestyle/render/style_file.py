@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import __version__
 from ..files import read_model, write_model
+from .choice import LineChoice
 from .config import StyleConfig
 from .features import FEATURES, FeatureScaling
 from .residuals import Residuals
@@ -36,6 +37,7 @@ def save_style(path: str | Path, style: Style | NeuralStrokesStyle) -> None:
     It is written whole or not at all. Raises OSError, naming the file, where it cannot be written.
     """
     payload = {"format": FORMAT, "strokestyle": __version__, "about": dict(style.about)}
+    payload["choice"] = None if style.choice is None else style.choice.state()
     if isinstance(style, Style):
         write_model(path, payload | _state(style))
     else:
@@ -83,9 +85,12 @@ def load_style(path: str | Path, device: str = "cpu") -> Style | NeuralStrokesSt
 
         place = pick_device(device)
     try:
+        choice = None if payload.get("choice") is None else LineChoice.from_state(payload["choice"])
         if "paper" in payload:
-            return NeuralStrokesStyle.from_state(payload["paper"], payload["about"], place)
-        return _unpack_style(payload if payload["format"] > 2 else _from_format_2(payload))
+            state, about = payload["paper"], payload["about"]
+            return replace(NeuralStrokesStyle.from_state(state, about, place), choice=choice)
+        style = _unpack_style(payload if payload["format"] > 2 else _from_format_2(payload))
+        return replace(style, choice=choice)
     except (KeyError, TypeError, RuntimeError, AttributeError, IndexError) as error:
         raise ValueError(f"{path}: a damaged strokestyle model ({error}); write it again") from None
 
