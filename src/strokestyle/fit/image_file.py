@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import struct
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +13,7 @@ from PIL import Image
 
 from .colours import to_srgb
 from .raster import SPACES, Raster, shrunk, upright
+from .tiff_file import pillow_reads, quiet_libtiff, read_pages, tiff_raster
 
 MAX_PIXELS = 200_000_000
 MIN_SIDE = 16  # px, of an image that something can be learned from
@@ -46,7 +49,8 @@ def read_image(path: str | Path, view: tuple[int, int] | None = None) -> Scan:
     """Read an image file.
 
     PNG, JPEG, TIFF and whatever else pillow reads; 8 or 16 bits, grey, palette, RGB, CMYK, with or
-    without alpha. Colours are brought to sRGB by the file's profile.
+    without alpha. Colours are brought to sRGB by the file's profile. Warns, in a line each, of what
+    of the file is not honoured.
 
     Parameters
     ----------
@@ -67,42 +71,88 @@ def read_image(path: str | Path, view: tuple[int, int] | None = None) -> Scan:
     if path.stat().st_size == 0:
         raise ValueError(f"{path}: the file is empty; expected an image of the drawing ({KINDS})")
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), quiet_libtiff():
             warnings.simplefilter("ignore")
             scan = _scanned(path, view)
+        if min(scan.width, scan.height) < MIN_SIDE:
+            raise ValueError(f"{scan.width} x {scan.height} pixels is too small to learn from")
     except Image.DecompressionBombError:
         raise ValueError(f"{path}: too many pixels for a drawing; scale it down") from None
-    except (OSError, SyntaxError, EOFError) as error:
+    except (OSError, SyntaxError, EOFError, struct.error) as error:
         if isinstance(error, (FileNotFoundError, PermissionError)):
             raise
         raise ValueError(
             f"{path}: not a readable image ({_short(error)}); expected {KINDS}"
         ) from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {_short(error)}") from None
     for note in scan.notes:
         warnings.warn(f"{path}: {note}", stacklevel=2)
-    if min(scan.width, scan.height) < MIN_SIDE:
-        raise ValueError(f"{path}: {scan.width} x {scan.height} pixels is too small to learn from")
     return scan
 
 
 def _scanned(path: Path, view: tuple[int, int] | None) -> Scan:
     """The pixels of an image file, reduced for a view."""
-    with Image.open(path) as file:
-        size = file.size
-        check_size(path, *size)
-        if file.format == "JPEG" and view and (factor := _factor(size, view)) > 1:
-            file.draft(file.mode, (size[0] // factor, size[1] // factor))
-        file.load()
-        return _laid_open(of_pillow(file), size, view)
+    with open(path, "rb") as file:
+        head = file.read(64)
+    refuse_other_kinds(head)
+    number, notes = 0, []
+    if head[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
+        pages = read_pages(path)
+        if len(pages) > 1:
+            notes.append(f"the first of its {len(pages)} pages is read")
+        if not pillow_reads(pages[0]):
+            check_size(*pages[0].size)
+            raster = tiff_raster(path, pages[0])
+            raster = replace(raster, notes=(*notes, *raster.notes))
+            return _laid_open(raster, (raster.width, raster.height), view)
+        number = pages[0].number
+    with Image.open(path) as image:
+        if number:
+            image.seek(number)
+        pictures = getattr(image, "n_frames", 1)
+        if image.format not in ("TIFF", "MPO", "PSD") and pictures > 1:
+            notes.append(f"the first of its {pictures} pictures is read")
+        size = image.size
+        check_size(*size)
+        if image.format == "JPEG" and view and (factor := _factor(size, view)) > 1:
+            image.draft(image.mode, (size[0] // factor, size[1] // factor))
+        image.load()
+        return _laid_open(replace(of_pillow(image), notes=tuple(notes)), size, view)
 
 
-def check_size(path: Path, width: int, height: int) -> None:
-    """Raise ValueError where an image has more pixels than are read."""
+OTHER_KINDS = (
+    (b"%PDF", "a PDF document"), (b"%!PS", "a PostScript document"), (b"<svg", "an SVG document"),
+    (b"<?xml", "an XML document"), (b"gimp xcf", "GIMP's own file"), (b"CSFCHUNK", "a CLIP file"),
+    (b"\xff\x0a", "a JPEG XL image"), (b"\0\0\0\x0cJXL ", "a JPEG XL image"),
+)  # fmt: skip
+HEIF_BRANDS = (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
+
+
+def refuse_other_kinds(head: bytes) -> None:
+    """Raise ValueError, with what would do, on a file's head of a kind that is not read."""
+    head = head.removeprefix(b"\xef\xbb\xbf").lstrip(b" \r\n\t") or head
+    for start, name in OTHER_KINDS:
+        if head.startswith(start):
+            raise ValueError(f"{name}; export the drawing as {KINDS}")
+    if head[4:8] == b"ftyp" and head[8:12] in HEIF_BRANDS and b"avif" not in head:
+        try:
+            importlib.import_module("pillow_heif").register_heif_opener()
+        except ImportError:
+            raise ValueError(
+                f"a HEIC photograph; export it as {KINDS}, or `pip install pillow-heif`"
+            ) from None
+
+
+def check_size(width: int, height: int) -> None:
+    """Raise ValueError where an image has more pixels than are read, or none."""
     if width * height > MAX_PIXELS:
         raise ValueError(
-            f"{path}: {width} x {height} pixels is too large; scale it below "
+            f"{width} x {height} pixels is too large; scale it below "
             f"{MAX_PIXELS // 1_000_000} megapixels"
         )
+    if min(width, height) < 1:
+        raise ValueError(f"an image of {width} x {height} pixels")
 
 
 def _factor(size: tuple[int, int], view: tuple[int, int] | None) -> int:
@@ -182,4 +232,6 @@ def _orientation(image: Image.Image) -> int:
 
 def _short(error: Exception) -> str:
     text = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return text if len(text) < 100 else text[:97] + "..."
+    if text.startswith("decoder error"):
+        text = "its data are damaged or cut short"
+    return text if len(text) < 160 else text[:157] + "..."

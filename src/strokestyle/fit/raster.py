@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 BAND = 1 << 21  # samples of a band of rows, which lie in a processor's cache
+TOP = 1.5  # of float samples: what a sharpening adds at its edges, and no other scale
 CLEAR = 1e-4  # alpha below which there is no colour
 SPACES = {"L": 1, "RGB": 3, "CMYK": 4, "LAB": 3}  # and how many samples a colour has
 
@@ -71,6 +72,11 @@ def shrunk(raster: Raster, factor: int) -> np.ndarray:
         if raster.alpha == "straight" and factor > 1:
             band[..., :-1] *= band[..., -1:]
         out[first // factor : -(-last // factor)] = _averaged(band, factor)
+    highest = float(out.max(initial=0.0))
+    if not np.isfinite(highest) or highest > TOP:
+        raise ValueError(
+            f"its numbers go up to {highest:.4g}, where 1 is white; save it with 8 or 16 bits"
+        )
     out = _fitted(out, width / factor, height / factor).clip(0, 1)
     return _straight(out) if raster.alpha and (raster.alpha != "straight" or factor > 1) else out
 
