@@ -14,12 +14,13 @@ from ..drawing.strokes import Strokes
 from ..extract.view import View
 from ..render.config import HAIR, StyleConfig
 from ..render.devices import pick_device
-from ..render.displacement import Frame
+from ..render.displacement import Frame, across_strokes
 from ..render.features import FeatureScaling, plan, point_features, surface_at
 from ..render.networks import AdditiveNet
 from ..render.plan import Planned
 from ..render.residuals import Residuals
 from ..render.style import Style, SumOfCurves
+from .align import Alignment, align
 from .checkpoint import Checkpoint
 from .config import FitConfig
 from .exemplar import Exemplar
@@ -86,6 +87,17 @@ class TrainingStrokes:
         tensors = StrokeTensors.of(Frame.of(planned, surface, config.spacing), device)
         return cls(config, planned, tensors, features, scaling)
 
+    def aligned(self, alignment: Alignment) -> TrainingStrokes:
+        """Lay the strokes where the drawing has them; their features stay those of the curves."""
+        planned = replace(self.planned, xy=self.planned.xy + alignment.shift)
+        across = across_strokes(planned.xy, planned.offsets, self.config.spacing)
+        xy, normals = (
+            torch.as_tensor(a, dtype=torch.float32, device=self.features.device)
+            for a in (planned.xy, across)
+        )
+        tensors = replace(self.tensors, xy=xy, normals=normals)
+        return replace(self, planned=planned, tensors=tensors)
+
     def measured(self, mask: np.ndarray) -> Observation:
         """Measure a mask (H, W) across the strokes."""
         return measure_across(mask, self.planned, self.tensors.normals.double().cpu().numpy())
@@ -131,15 +143,18 @@ def fit_quick(
     report = report or Reporter(None, 1)
     style_config = replace(config.style, size=max(exemplar.mask.shape))
     training = TrainingStrokes.of(view, style_config, device)
+    deformations = training.tensors.deformations.double().cpu().numpy()
+    alignment = align(exemplar.mask, training.planned, deformations, style_config.spacing)
+    training = training.aligned(alignment)
     measured = training.measured(exemplar.mask)
     # The law is learned twice. What is measured across the strokes is wrong where lines crowd, but
     # its law is a start from which the trace finds the right line; the law that is kept is
     # learned from the traced strokes.
-    rough_law = learn_law(training, measured, config, seed, report)
+    rough_law = learn_law(training, measured, alignment.free, config, seed, report)
     traced = _trace(training, rough_law, exemplar.mask, config, report, checkpoint, until)
     ink = sample_image(exemplar.mask, training.planned.xy)
     found, agrees = traced.observed(training.tensors, measured, ink)
-    law = learn_law(training, found, config, seed, report)
+    law = learn_law(training, found, alignment.free, config, seed, report)
     residuals = None
     if config.residuals > 0:
         off = config.residuals * _residuals(training, law, traced)
@@ -157,12 +172,16 @@ def fit_quick(
 def learn_law(
     training: TrainingStrokes,
     observed: Observation,
+    free: np.ndarray,
     config: FitConfig,
     seed: int,
     report: Report,
 ) -> StrokeLaw:
-    """Learn displacement and thickness from where a drawing has the training strokes."""
-    weights = learn_displacement(training.tensors.deformations_across(), observed)
+    """Learn displacement and thickness from where a drawing has the training strokes.
+
+    Only deformations that are `free` (M,) bool are used.
+    """
+    weights = learn_displacement(training.tensors.deformations_across() * free, observed)
     displacement = torch.tensor(weights, dtype=torch.float32, device=training.features.device)
     network = learn_thickness(
         training.features, observed, config, training.config.hidden_units, seed, report

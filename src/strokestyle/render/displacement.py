@@ -47,11 +47,15 @@ class Frame:
 
         `surface` (N, 5) is SURFACE at their points, `spacing` px what lies between two of them.
         """
-        smooth = along_strokes(planned.xy, planned.offsets, HEADING_SIGMA, spacing, pin=True)
-        t = tangents(smooth, planned.offsets)
-        normals = np.stack([-t[:, 1], t[:, 0]], axis=1)
+        normals = across_strokes(planned.xy, planned.offsets, spacing)
         deformations = deformations_of(planned, surface[:, 3:], spacing)
         return cls(planned.xy, normals, deformations, planned.offsets, planned.on_curve)
+
+
+def across_strokes(xy: np.ndarray, offsets: np.ndarray, spacing: float) -> np.ndarray:
+    """Unit normals (N, 2) of smoothed strokes, (-t_y, t_x) of their tangents."""
+    t = tangents(along_strokes(xy, offsets, HEADING_SIGMA, spacing, pin=True), offsets)
+    return np.stack([-t[:, 1], t[:, 0]], axis=1)
 
 
 def deformations_of(planned: Planned, normals: np.ndarray, spacing: float) -> np.ndarray:
