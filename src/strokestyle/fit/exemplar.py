@@ -18,7 +18,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from .image_file import Scan, read_image
-from .registration import Similarity, register
+from .registration import Homography, Registration, register
 
 # The numbers below were set by hand; no ablation of them is kept.
 
@@ -112,7 +112,7 @@ class _Laid(NamedTuple):
     layout: str
     exemplar: Exemplar
     agreement: Agreement
-    moved: Similarity | None
+    registration: Registration
 
 
 def load_exemplar(
@@ -152,8 +152,8 @@ def load_exemplar(
         notes.append(
             f"{file.width} x {file.height} px drawing {best.layout} to the {width} x {height} view"
         )
-    if best.moved is not None:
-        notes.append(f"registered with the curves: {best.moved}")
+    if best.registration.moved is not None:
+        notes.append(f"registered with the curves: {best.registration}")
     if agreement.far_ink > FAR_WARNED or agreement.bare_curve > BARE_WARNED:
         notes.append(
             f"{100 * agreement.far_ink:.0f} % of the ink lies farther than {agreement.near:.0f} px "
@@ -168,10 +168,10 @@ def _registered(
 ) -> _Laid:
     """Separate a scan (H, W, 4), once more after it is moved onto the curves if that helps."""
     exemplar = separate(scan, transparent, name)
-    moved = register(exemplar.mask, curve_points)
-    if moved is not None:
-        exemplar = separate(_moved(scan, moved), transparent, name)
-    return _Laid(layout, exemplar, agree(exemplar, curve_points), moved)
+    registration = register(exemplar.mask, curve_points)
+    if registration.moved is not None:
+        exemplar = separate(_moved(scan, registration.moved), transparent, name)
+    return _Laid(layout, exemplar, agree(exemplar, curve_points), registration)
 
 
 def agree(exemplar: Exemplar, curve_points: np.ndarray) -> Agreement:
@@ -415,7 +415,7 @@ def _centred(image: np.ndarray, width: int, height: int) -> np.ndarray:
     return full
 
 
-def _moved(scan: np.ndarray, moved: Similarity) -> np.ndarray:
+def _moved(scan: np.ndarray, moved: Homography) -> np.ndarray:
     return _straight(moved.warp(_premultiplied(scan)).clip(0, 1))
 
 
