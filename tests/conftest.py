@@ -5,8 +5,12 @@ from collections import Counter
 
 import pytest
 
+WORKERS = os.environ.get("PYTEST_XDIST_WORKER_COUNT")
+if WORKERS:  # each has its share of the cores: two threads for each would wait for one another
+    os.environ.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // int(WORKERS))))
+
 # says how torch's threads wait, before anything imports torch; `render` gives the reason
-import strokestyle.render  # noqa: F401
+import strokestyle.render  # noqa: E402, F401
 
 STRICT = "STROKESTYLE_STRICT_SKIPS"  # where this is set, a skip for any other reason fails the run
 ALLOWED_SKIPS = ("STROKESTYLE_SHARED is not set", "no CUDA device", "no program: ", "no browser: ")
@@ -26,6 +30,8 @@ def refused_skips(config):
 
 
 def pytest_sessionfinish(session):
+    if hasattr(session.config, "workerinput"):  # a worker: whom it reports to counts all skips
+        return
     if refused_skips(session.config) and session.exitstatus == pytest.ExitCode.OK:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
