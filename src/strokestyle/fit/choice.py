@@ -10,23 +10,24 @@ from scipy.spatial import cKDTree
 
 from ..extract.view import View
 from ..geometry.curves import Curves, arc_length, owner, tangents
-from ..render.choice import ALL_DRAWN, LineChoice, learn_choice
+from ..render.choice import ALL_DRAWN, LineChoice, chosen_points, learn_choice, without_short_runs
 from .observe import sample_image
 
 REFERENCE = 768.0  # px, the longer side of the canvas that lengths are given for
 MIN_SCALE = 0.6  # of them, on a small canvas: pens are not made as small
-REACH, REACH_STEP = 12.0, 1.0  # px to either side within which a line's ink is sought
+REACH, REACH_STEP = 20.0, 1.0  # px to either side within which a line's ink is sought
 # Directions of ink: px of the Gaussian that gradients are taken of, and, in median half widths of
 # the ink, of that over which they are gathered
 GRADIENT_SIGMA, GATHER_HALF_WIDTHS, MIN_GATHER = 0.8, 0.7, 2.0
 ALONG, ACROSS = 20.0, 50.0  # degrees between ink and line: surely one way, surely crossing
 # Evidence of one point, as log odds: of no ink, of ink at its best; the ink that is worth nothing
 BARE, INKED, NO_EVIDENCE = -1.4, 1.4, 0.4
-OFFSET_SPREADS = 4.5, 2.5  # px: what a hand is off at first, and at least once it is measured
+OFFSET_SPREADS = 7.0, 2.5  # px: what a hand is off at first, and at least once it is measured
 SWITCH = 7.0  # log odds that a change from drawn to not drawn must be worth
 SLIP = 0.7  # log odds a px by which the ink's offset changes from point to point
 SAME_INK, SAME_WAY = 3.0, 30.0  # px and degrees: nearer claims are of one stroke
 CLAIM_SPAN = 20.0  # px along a line over which its offset from the ink is averaged
+FAINT = 45.0  # px of line without ink, where all else says that there was a stroke
 MIN_DRAWN = 0.05  # share of the points of lines; of less no choice is learned
 NEARER = 1.5  # px, by which a line must lie nearer to ink than another for it to be its alone
 
@@ -108,6 +109,9 @@ def learn_lines(view: View, mask: np.ndarray) -> DrawnLines:
     elif (expected & drawn).sum() >= ALL_DRAWN * expected.sum():
         drawn = drawn | expected
     choice = learn_choice(view, drawn)
+    if choice is not None:
+        drawn = _without_accidents(view, drawn, chosen_points(view, choice))
+        choice = learn_choice(view, drawn)
     count = np.add.reduceat(drawn, curves.offsets[:-1]) if len(curves) else np.zeros(0)
     about = {
         "lines_drawn": int((count > 0.5 * np.diff(curves.offsets)).sum()),
@@ -115,6 +119,14 @@ def learn_lines(view: View, mask: np.ndarray) -> DrawnLines:
         "share_drawn": round(float(drawn.mean()), 4) if len(drawn) else 1.0,
     }
     return DrawnLines(replace(view.only(drawn), optional=None), choice, about)
+
+
+def _without_accidents(view: View, drawn: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Take short gaps in lines, and ends, for drawn where no law leaves them out: ink was faint."""
+    line = owner(view.curves.offsets)
+    along = arc_length(view.curves.xy, view.curves.offsets)
+    gap = FAINT * max(view.camera.width, view.camera.height) / REFERENCE
+    return drawn | (expected & without_short_runs(drawn, line, along, False, gap))
 
 
 def find_drawn(curves: Curves, mask: np.ndarray) -> np.ndarray:

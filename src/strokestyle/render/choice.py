@@ -403,7 +403,7 @@ def choose_lines(view: View, choice: LineChoice | None, scale: float = 1.0) -> V
     if view.optional is not None:
         expected = view.only(~view.optional[owner(view.curves.offsets)])
     if choice is not None and len(view.curves) and view.maps.covered.any():
-        left = view.only(_chosen(view, choice, scale))
+        left = view.only(chosen_points(view, choice, scale))
         expected = left if len(left.curves) else expected
     return replace(expected, optional=None)
 
@@ -418,7 +418,7 @@ def unknown_kinds(view: View, left: View, choice: LineChoice) -> list[str]:
     return [KINDS[k] for k in gone if as_such[k] > EVEN and not choice.seen[k]]
 
 
-def _chosen(view: View, choice: LineChoice, scale: float) -> np.ndarray:
+def chosen_points(view: View, choice: LineChoice, scale: float = 1.0) -> np.ndarray:
     """Tell which points of a view's curves a style draws, (N,) bool."""
     line = owner(view.curves.offsets)
     kind, columns = view.curves.kind[line], line_columns(view, scale)
@@ -429,11 +429,11 @@ def _chosen(view: View, choice: LineChoice, scale: float) -> np.ndarray:
             drawn[rows] = laws.likely(kind[rows], columns[rows]) > EVEN
     along = arc_length(view.curves.xy, view.curves.offsets)
     for state in (False, True):
-        drawn = _without_short_runs(drawn, line, along, state, MIN_RUN * scale)
+        drawn = without_short_runs(drawn, line, along, state, MIN_RUN * scale)
     return drawn
 
 
-def _without_short_runs(
+def without_short_runs(
     drawn: np.ndarray, line: np.ndarray, along: np.ndarray, state: bool, least: float
 ) -> np.ndarray:
     """Turn over runs of `state` in `drawn` (N,) under `least` px, but for whole lines."""
