@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import click
 import numpy as np
+import painted_files
 import pytest
 from command import refused, run
 from PIL import Image
@@ -56,6 +57,31 @@ def test_an_input_is_not_overwritten_by_the_picture(desk, output, picture):
     words = [picture, "is the input"]
     refused("fit", picture, "view.npz", "-o", output, "--preset", "quick", words=words)
     assert not (desk / output).exists()
+
+
+def test_a_layer_is_named(desk):
+    drawn = np.asarray(Image.open("charcoal.png"))
+    ink = np.dstack([np.zeros_like(drawn), 255 - drawn[..., 1]])
+    layers = [("Ink", ink, 0, 0), ("Ruler", 255 - ink // 255 * 255, 0, 0)]
+    blank = np.full_like(drawn, 255)
+    (desk / "d.ora").write_bytes(painted_files.ora((SIZE, SIZE), layers, blank))
+    options = ["view.npz", "-o", "m.pt", "--preset", "quick"]
+    done = run("fit", "d.ora", *options, "--layer", "Ink")
+    assert done.exit_code == 0 and "d.ora: learned" in done.stderr, done.stderr
+    (desk / "m.pt").unlink()
+    refused("fit", "d.ora", *options, words=["d.ora: no strokes found"])
+    words = ["d.ora: no layer is named 'ink'; it has 'Ink', 'Ruler'"]
+    refused("fit", "d.ora", *options, "--layer", "ink", words=words)
+    words = ["charcoal.png: has no layers, so none named 'Ink'"]
+    refused("fit", "charcoal.png", *options, "--layer", "Ink", words=words)
+    assert not (desk / "m.pt").exists()
+
+
+def test_what_of_a_file_is_not_honoured_is_told(desk):
+    Image.open("charcoal.png").save("d.png", icc_profile=b"none")
+    done = run("fit", "d.png", "view.npz", "-o", "m.pt", "--preset", "quick")
+    lines = done.stderr.splitlines()
+    assert lines[0] == "warning: d.png: its colour profile is damaged, and left out"
 
 
 # ---------------------------------------------------------------------------------------- progress

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Examples:
   strokestyle fit drawing.png shape.obj
   strokestyle fit drawing.png shape.obj -o charcoal.pt --preset quick
+  strokestyle fit drawing.kra shape.obj --layer Ink
   strokestyle fit scan.jpg shape.obj --camera camera.json --curves curves.json
   strokestyle fit drawing.png view.npz --preset paper --device cuda
   strokestyle fit drawing.png view.npz --preset paper --minutes 30 --resume"""
@@ -45,6 +46,12 @@ Examples:
     default="model.pt",
     show_default=True,
     help="The model to write; a picture of the fit is written beside it.",
+)
+@click.option(
+    "--layer",
+    metavar="NAME",
+    help="Learn from this layer of a .kra, .ora, .psd or .psb alone; else from what all of them "
+    "show.",
 )
 @click.option(
     "--preset",
@@ -79,6 +86,7 @@ def fit(
     drawing: str,
     shape: str,
     output: str,
+    layer: str | None,
     preset: str,
     minutes: float | None,
     resume: bool,
@@ -88,9 +96,9 @@ def fit(
 ) -> None:
     """Learn a style from DRAWING, an artist's drawing of SHAPE.
 
-    The drawing (PNG, JPEG, TIFF) is one made over the template of `strokestyle extract`,
-    with the same view and line options. Beside the model OUT.pt a picture OUT.fit.png shows
-    drawing, mask, and what was learned of both.
+    The drawing (PNG, JPEG, TIFF; .kra, .ora, .psd) is one made over the template of `strokestyle
+    extract`, with the same view and line options. Beside the model OUT.pt a picture OUT.fit.png
+    shows drawing, mask, and what was learned of both.
     """
     picture = str(Path(output).with_suffix(".fit.png"))
     check_outputs([output, picture], [drawing, shape])
@@ -104,7 +112,7 @@ def fit(
 
     with timed("read the drawing"), told_warnings():
         size = view.camera.width, view.camera.height
-        exemplar, note = load_exemplar(drawing, *size, view.curves.xy)
+        exemplar, note = load_exemplar(drawing, *size, view.curves.xy, layer)
     if note:
         say(f"{drawing}: {note}")
     from ..fit.checkpoint import Checkpoint

@@ -89,7 +89,10 @@ def _transformed(colours: np.ndarray, space: str, profile: object) -> np.ndarray
     flags = ImageCms.Flags.BLACKPOINTCOMPENSATION
     if space == "L":
         flags |= ImageCms.Flags.NOOPTIMIZE
-    image = Image.fromarray(_bytes(colours)[..., 0] if space == "L" else _bytes(colours), space)
+    samples = _bytes(colours)
+    if space == "LAB":
+        samples ^= np.array([0, 128, 128], np.uint8)  # shifted to signed
+    image = Image.fromarray(samples[..., 0] if space == "L" else samples, space)
     transform = ImageCms.buildTransform(
         profile,  # type: ignore[arg-type]
         ImageCms.createProfile("sRGB"),

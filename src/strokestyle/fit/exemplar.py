@@ -116,19 +116,24 @@ class _Laid(NamedTuple):
 
 
 def load_exemplar(
-    path: str | Path, width: int, height: int, curve_points: np.ndarray
+    path: str | Path,
+    width: int,
+    height: int,
+    curve_points: np.ndarray,
+    layer: str | None = None,
 ) -> tuple[Exemplar, str]:
     """Read a drawing and lay it on a view of `width` x `height` px, where it belongs on the curves.
 
     A file of the view's proportions is resampled as it is. Any other is tried three ways (whole
     scan inside the view, view inside the scan, stretched) and stays where most ink lies near the
     view's curves, `curve_points` (N, 2). Where a shift, turn or scale of some per cent clearly
-    brings the ink onto the curves, the scan is moved by it.
+    brings the ink onto the curves, the scan is moved by it. `layer` names the one to read of a file
+    with layers; None reads the merged picture.
 
     Returns the exemplar and a note for the user, empty where there is nothing to say.
     Raises ValueError, naming the file, where it is blank, all ink, or no drawing of these curves.
     """
-    file = read_image(path, (width, height))
+    file = read_image(path, (width, height), layer)
     best: _Laid | None = None
     layouts = [
         (name, _lay(file, width, height, name))

@@ -11,8 +11,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from ..files import quoted
 from .colours import to_srgb
-from .raster import SPACES, Raster, shrunk, upright
+from .layered_file import Layered, open_zip
+from .psd_file import open_psd
+from .raster import SPACES, Raster, of_pillow, shrunk, upright
 from .tiff_file import pillow_reads, quiet_libtiff, read_pages, tiff_raster
 
 MAX_PIXELS = 200_000_000
@@ -45,23 +48,27 @@ class Scan:
             raise ValueError(f"Scan.rgba must have shape (h, w, 4), got {self.rgba.shape}")
 
 
-def read_image(path: str | Path, view: tuple[int, int] | None = None) -> Scan:
+def read_image(
+    path: str | Path, view: tuple[int, int] | None = None, layer: str | None = None
+) -> Scan:
     """Read an image file.
 
-    PNG, JPEG, TIFF and whatever else pillow reads; 8 or 16 bits, grey, palette, RGB, CMYK, with or
-    without alpha. Colours are brought to sRGB by the file's profile. Warns, in a line each, of what
-    of the file is not honoured.
+    PNG, JPEG, TIFF and whatever else pillow reads, 8 or 16 bits, grey, palette, RGB, CMYK, with or
+    without alpha; and files with layers: .kra, .ora, .psd and .psb. Colours are brought to sRGB by
+    the file's profile. Warns, in a line each, of what of the file is not honoured.
 
     Parameters
     ----------
     path : of the file
     view : width and height of the view that it is for, px: a file of many times its pixels is
         reduced to no less than WORKING times its size; None leaves it as large as it is
+    layer : name of the layer to read, whether it is shown or not; None for the merged picture
 
     Raises
     ------
     ValueError
-        naming the file, where it is not an image, is cut short, too large or too small.
+        naming the file, where it is not an image, is cut short, too large or too small; or has no
+        such layer.
     OSError
         where it cannot be read.
     """
@@ -73,7 +80,7 @@ def read_image(path: str | Path, view: tuple[int, int] | None = None) -> Scan:
     try:
         with warnings.catch_warnings(), quiet_libtiff():
             warnings.simplefilter("ignore")
-            scan = _scanned(path, view)
+            scan = _scanned(path, view, layer)
         if min(scan.width, scan.height) < MIN_SIDE:
             raise ValueError(f"{scan.width} x {scan.height} pixels is too small to learn from")
     except Image.DecompressionBombError:
@@ -91,34 +98,61 @@ def read_image(path: str | Path, view: tuple[int, int] | None = None) -> Scan:
     return scan
 
 
-def _scanned(path: Path, view: tuple[int, int] | None) -> Scan:
+def _scanned(path: Path, view: tuple[int, int] | None, layer: str | None) -> Scan:
     """The pixels of an image file, reduced for a view."""
-    with open(path, "rb") as file:
-        head = file.read(64)
+    with open(path, "rb") as stream:
+        head = stream.read(64)
     refuse_other_kinds(head)
-    number, notes = 0, []
+    layered = _layered(path, head)
+    if layered is not None:
+        check_size(layered.width, layered.height)
+        raster = layered.raster(layer)
+        check_size(raster.width, raster.height)
+        return _laid_open(raster, (raster.width, raster.height), view)
+    if layer is not None:
+        raise ValueError(
+            f"has no layers, so none named {quoted(layer)!r}; those of .kra, .ora, .psd and .psb "
+            "are read"
+        )
     if head[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
-        pages = read_pages(path)
-        if len(pages) > 1:
-            notes.append(f"the first of its {len(pages)} pages is read")
-        if not pillow_reads(pages[0]):
-            check_size(*pages[0].size)
-            raster = tiff_raster(path, pages[0])
-            raster = replace(raster, notes=(*notes, *raster.notes))
-            return _laid_open(raster, (raster.width, raster.height), view)
-        number = pages[0].number
+        return _scanned_tiff(path, view)
+    return _scanned_by_pillow(path, view)
+
+
+def _layered(path: Path, head: bytes) -> Layered | None:
+    """A file with layers, by its head."""
+    if head[:4] == b"PK\3\4":
+        return open_zip(path)
+    return open_psd(path) if head[:4] == b"8BPS" else None
+
+
+def _scanned_tiff(path: Path, view: tuple[int, int] | None) -> Scan:
+    """The first page of a TIFF that is no preview."""
+    pages = read_pages(path)
+    notes = (f"the first of its {len(pages)} pages is read",) if len(pages) > 1 else ()
+    if pillow_reads(pages[0]):
+        return _scanned_by_pillow(path, view, pages[0].number, notes)
+    check_size(*pages[0].size)
+    raster = tiff_raster(path, pages[0])
+    raster = replace(raster, notes=(*notes, *raster.notes))
+    return _laid_open(raster, (raster.width, raster.height), view)
+
+
+def _scanned_by_pillow(
+    path: Path, view: tuple[int, int] | None, page: int = 0, notes: tuple[str, ...] = ()
+) -> Scan:
     with Image.open(path) as image:
-        if number:
-            image.seek(number)
+        if page:
+            image.seek(page)
         pictures = getattr(image, "n_frames", 1)
-        if image.format not in ("TIFF", "MPO", "PSD") and pictures > 1:
-            notes.append(f"the first of its {pictures} pictures is read")
+        if image.format not in ("TIFF", "MPO") and pictures > 1:
+            notes = (f"the first of its {pictures} pictures is read",)
         size = image.size
         check_size(*size)
         if image.format == "JPEG" and view and (factor := _factor(size, view)) > 1:
             image.draft(image.mode, (size[0] // factor, size[1] // factor))
         image.load()
-        return _laid_open(replace(of_pillow(image), notes=tuple(notes)), size, view)
+        return _laid_open(replace(of_pillow(image), notes=notes), size, view)
 
 
 OTHER_KINDS = (
@@ -179,55 +213,6 @@ def _laid_open(raster: Raster, size: tuple[int, int], view: tuple[int, int] | No
         height,
         (*raster.notes, *([note] if note else [])),
     )
-
-
-DIRECT = {
-    "L": ("L", ""), "LA": ("L", "straight"), "La": ("L", "premultiplied"), "RGB": ("RGB", ""),
-    "RGBA": ("RGB", "straight"), "RGBa": ("RGB", "premultiplied"), "CMYK": ("CMYK", ""),
-    "LAB": ("LAB", ""),
-}  # fmt: skip
-WITH_KEY = {"1": "LA", "L": "LA", "RGB": "RGBA", "P": "RGBA", "PA": "RGBA"}
-WITHOUT_KEY = {"1": "L", "P": "RGB", "PA": "RGBA"}
-
-
-def of_pillow(image: Image.Image) -> Raster:
-    """The raster of an image that pillow has read."""
-    mode = image.mode
-    common = Raster(
-        *image.size,
-        rows=lambda first, last: _cropped(image, mode, first, last),
-        profile=image.info.get("icc_profile") or b"",
-        gamma=0.0 if "srgb" in image.info else float(image.info.get("gamma", 0)),
-        primaries=tuple(image.info.get("chromaticity", ())),
-        orientation=_orientation(image),
-    )
-    if mode.startswith("I") or mode == "F":
-        if mode == "F":
-            top = 1.0
-        else:
-            top = 65535.0 if _highest(image) > 255 else 255.0
-        return replace(common, space="L", top=top)
-    keyed = "transparency" in image.info and mode in WITH_KEY
-    mode = (WITH_KEY if keyed else WITHOUT_KEY).get(mode, mode)
-    mode = mode if mode in DIRECT else "RGB"
-    space, alpha = DIRECT[mode]
-    return replace(common, space=space, alpha=alpha)
-
-
-def _cropped(image: Image.Image, mode: str, first: int, last: int) -> np.ndarray:
-    """Rows of an image in another mode: (last - first, width, n)."""
-    band = image.crop((0, first, image.width, last))
-    rows = np.asarray(band if band.mode == mode else band.convert(mode))
-    return rows if rows.ndim == 3 else rows[..., None]
-
-
-def _highest(image: Image.Image) -> float:
-    return float(np.max([np.max(np.asarray(image))]))
-
-
-def _orientation(image: Image.Image) -> int:
-    value = image.getexif().get(0x0112, 1)
-    return value if value in range(1, 9) else 1
 
 
 def _short(error: Exception) -> str:

@@ -8,7 +8,7 @@ anything else is done with it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from PIL import Image
@@ -142,3 +142,54 @@ def upright(image: np.ndarray, orientation: int) -> np.ndarray:
     if orientation in (2, 3, 6, 7):
         image = image[:, ::-1]
     return image
+
+
+DIRECT = {
+    "L": ("L", ""), "LA": ("L", "straight"), "La": ("L", "premultiplied"), "RGB": ("RGB", ""),
+    "RGBA": ("RGB", "straight"), "RGBa": ("RGB", "premultiplied"), "CMYK": ("CMYK", ""),
+    "LAB": ("LAB", ""),
+}  # fmt: skip
+WITH_KEY = {"1": "LA", "L": "LA", "RGB": "RGBA", "P": "RGBA", "PA": "RGBA"}
+WITHOUT_KEY = {"1": "L", "P": "RGB", "PA": "RGBA"}
+
+
+def of_pillow(image: Image.Image) -> Raster:
+    """The raster of an image that pillow has read."""
+    mode = image.mode
+    common = Raster(
+        *image.size,
+        rows=lambda first, last: _cropped(image, mode, first, last),
+        profile=image.info.get("icc_profile") or b"",
+        gamma=0.0 if "srgb" in image.info else float(image.info.get("gamma", 0)),
+        primaries=tuple(image.info.get("chromaticity", ())),
+        orientation=_orientation(image),
+    )
+    if mode.startswith("I") or mode == "F":
+        if mode == "F":
+            top = 1.0
+        else:
+            top = 65535.0 if _highest(image) > 255 else 255.0
+        return replace(common, space="L", top=top)
+    keyed = "transparency" in image.info and mode in WITH_KEY
+    mode = (WITH_KEY if keyed else WITHOUT_KEY).get(mode, mode)
+    mode = mode if mode in DIRECT else "RGB"
+    space, alpha = DIRECT[mode]
+    return replace(common, space=space, alpha=alpha)
+
+
+def _cropped(image: Image.Image, mode: str, first: int, last: int) -> np.ndarray:
+    """Rows of an image in another mode: (last - first, width, n)."""
+    band = image.crop((0, first, image.width, last))
+    rows = np.asarray(band if band.mode == mode else band.convert(mode))
+    if mode == "LAB":
+        rows = rows ^ np.array([0, 128, 128], np.uint8)  # signed to shifted, which can be averaged
+    return rows if rows.ndim == 3 else rows[..., None]
+
+
+def _highest(image: Image.Image) -> float:
+    return float(np.max([np.max(np.asarray(image))]))
+
+
+def _orientation(image: Image.Image) -> int:
+    value = image.getexif().get(0x0112, 1)
+    return value if value in range(1, 9) else 1

@@ -345,6 +345,12 @@ def _parcel(data: list[bytes], plane: _Plane, rows: int) -> bytes:
     return head + body + struct.pack("<H", len(entries)) + table + bytes(4) + tail
 
 
+def unpack_strip(data: bytes, compression: int, run: int, rows: int) -> np.ndarray:
+    """Unpack the bytes of rows, `run` each, by a method of TIFF, of those UNPACKED: (rows, run)."""
+    plane = _Plane(Path(), compression, rows, 1, run, rows, (), ())
+    return np.asarray(TiffImagePlugin.TiffImageFile(io.BytesIO(_parcel([data], plane, rows))))
+
+
 def _reader(page: Page, plane: _Plane, bits: int, form: int) -> Callable[[int, int], np.ndarray]:
     """A function (first, last) -> samples (last - first, width, n) of a plane."""
     samples = page.samples if page.one(PLANAR, 1) != 2 else 1
