@@ -95,7 +95,8 @@ def main():
         )
         xy, width, ink = truth_points(truth)
         exemplar, _ = load_exemplar(drawing, camera.width, camera.height, curves.xy)
-        style, traced = fit_quick(view, exemplar, config)
+        learned = fit_quick(view, exemplar, config)
+        style, traced = learned.style, learned.strokes
         meant = replace(style, residuals=None).lay_strokes(view).strokes
         numbers = {"width": [], "ink": [], "distance": [np.median(nearest(curves, xy)[0])]}
         for strokes in (meant, traced):

@@ -102,7 +102,7 @@ def test_residuals_have_the_spread_of_the_hand(rms):
     """What is slow is taken out of them, on both sides of the comparison."""
     config = without_residuals(PRESETS["quick"], steps=60, trace_steps=80)
     config = replace(config, residuals=1.0)
-    style, _ = fit_quick(DRAWN, Law(jitter=rms).exemplar(DRAWN), config)
+    style = fit_quick(DRAWN, Law(jitter=rms).exemplar(DRAWN), config).style
     noise = jitter(20000, rms, np.random.default_rng(1))
     fast = noise - ndimage.gaussian_filter1d(noise, RESIDUAL_SIGMAS[0] / 3.0)
     across, log_width = style.residuals.values.T
@@ -121,7 +121,7 @@ def test_half_the_residuals_are_half_as_large_and_none_are_none():
     config = without_residuals(PRESETS["quick"], steps=20, trace_steps=30)
     for amount in (1.0, 0.5, 0.0):
         changed = replace(config, residuals=amount)
-        found[amount] = fit_quick(DRAWN, exemplar, changed)[0].residuals
+        found[amount] = fit_quick(DRAWN, exemplar, changed).style.residuals
     assert found[0.0] is None
     assert found[0.5].values == pytest.approx(0.5 * found[1.0].values, abs=1e-6)
 
@@ -146,7 +146,7 @@ def unsteady(s, length, xy):
 def test_residuals_of_thickness_have_the_spread_of_the_hand_too():
     config = without_residuals(PRESETS["quick"], steps=60, trace_steps=80)
     config = replace(config, residuals=1.0)
-    style, _ = fit_quick(DRAWN, Law(thickness=unsteady).exemplar(DRAWN), config)
+    style = fit_quick(DRAWN, Law(thickness=unsteady).exemplar(DRAWN), config).style
     noise = jitter(20000, 0.2, np.random.default_rng(1))
     fast = noise - ndimage.gaussian_filter1d(noise, RESIDUAL_SIGMAS[1] / 3.0)
     across, log_width = style.residuals.values.T

@@ -24,6 +24,7 @@ from .align import Alignment, align
 from .checkpoint import Checkpoint
 from .config import FitConfig
 from .exemplar import Exemplar
+from .hatching import SortedInk, sort_ink
 from .observe import Observation, measure_across, sample_image
 from .progress import Report, Reporter
 from .texture import learn_texture
@@ -98,9 +99,18 @@ class TrainingStrokes:
         tensors = replace(self.tensors, xy=xy, normals=normals)
         return replace(self, planned=planned, tensors=tensors)
 
+    @property
+    def normals(self) -> np.ndarray:
+        """(N, 2) float64, unit vectors across the strokes."""
+        return self.tensors.normals.double().cpu().numpy()
+
     def measured(self, mask: np.ndarray) -> Observation:
         """Measure a mask (H, W) across the strokes."""
-        return measure_across(mask, self.planned, self.tensors.normals.double().cpu().numpy())
+        return measure_across(mask, self.planned, self.normals)
+
+    def sorted_ink(self, mask: np.ndarray) -> SortedInk:
+        """Take off a mask (H, W) what says nothing of lines on curves."""
+        return sort_ink(mask, self.planned, self.normals, self.measured(mask))
 
 
 @dataclass(frozen=True)
@@ -124,6 +134,22 @@ class StrokeLaw:
             )
 
 
+@dataclass(frozen=True)
+class Learned:
+    """What was learned from a drawing, and what of the drawing it was learned from.
+
+    Parameters
+    ----------
+    style : what is kept of it
+    strokes : those of the drawing, as traced
+    ink : the drawing's, sorted by what it is for
+    """
+
+    style: Style
+    strokes: Strokes
+    ink: SortedInk
+
+
 def fit_quick(
     view: View,
     exemplar: Exemplar,
@@ -133,8 +159,8 @@ def fit_quick(
     report: Reporter | None = None,
     checkpoint: Checkpoint | None = None,
     until: float | None = None,
-) -> tuple[Style, Strokes]:
-    """Learn the style of a drawing, and return it with the drawing's own strokes as traced.
+) -> Learned:
+    """Learn the style of a drawing.
 
     `fit_style` says what the arguments mean; `until`, on the clock of time.monotonic(), is when
     the fit is to be over. Raises ValueError where there are no strokes to learn from.
@@ -146,27 +172,28 @@ def fit_quick(
     deformations = training.tensors.deformations.double().cpu().numpy()
     alignment = align(exemplar.mask, training.planned, deformations, style_config.spacing)
     training = training.aligned(alignment)
-    measured = training.measured(exemplar.mask)
+    ink = training.sorted_ink(exemplar.mask)
+    measured = ink.believed(training.measured(ink.lines), training.planned.xy)
     # The law is learned twice. What is measured across the strokes is wrong where lines crowd, but
     # its law is a start from which the trace finds the right line; the law that is kept is
     # learned from the traced strokes.
     rough_law = learn_law(training, measured, alignment.free, config, seed, report)
-    traced = _trace(training, rough_law, exemplar.mask, config, report, checkpoint, until)
-    ink = sample_image(exemplar.mask, training.planned.xy)
-    found, agrees = traced.observed(training.tensors, measured, ink)
+    traced = _trace(training, rough_law, ink.lines, config, report, checkpoint, until)
+    shown = sample_image(ink.lines, training.planned.xy)
+    found, agrees = traced.observed(training.tensors, measured, shown)
     law = learn_law(training, found, alignment.free, config, seed, report)
     residuals = None
     if config.residuals > 0:
         off = config.residuals * _residuals(training, law, traced)
         residuals = learn_residuals(off, training.planned, agrees, style_config.spacing)
-    style = _style(training, law, residuals, exemplar)
+    style = _style(training, law, residuals, replace(exemplar, mask=ink.lines))
     strokes, rows = traced.strokes(training.planned)
     if config.texture and len(strokes):
         report("texture", 0, 1, {})
         features = training.features.double().cpu().numpy()[rows]
         style = replace(style, bank=learn_texture(strokes, features, exemplar, seed))
         report("texture", 1, 1, {})
-    return style, strokes
+    return Learned(style, strokes, ink)
 
 
 def learn_law(

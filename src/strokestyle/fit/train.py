@@ -86,8 +86,8 @@ def fit_style(
         return replace(paper, choice=lines.choice)
     report = Reporter(progress, 2 * config.steps + config.trace_steps)
     with repeatable(where):
-        style, _ = fit_quick(view, exemplar, config, seed, where, report, checkpoint, until)
-    return replace(style, choice=lines.choice, about=about)
+        learned = fit_quick(view, exemplar, config, seed, where, report, checkpoint, until)
+    return replace(learned.style, choice=lines.choice, about=about)
 
 
 def _key(
