@@ -145,7 +145,8 @@ def test_lines_that_were_not_drawn_stay_and_are_not_explained():
 def test_the_law_of_thickness_comes_back_from_a_warped_drawing_and_circles_stay_round():
     law = Law(thickness=taper)
     config = without_residuals(PRESETS["quick"], steps=100, trace_steps=30)
-    style, traced = fit_quick(DRAWN, exemplar_of(moved(law.strokes(DRAWN), waves)), config)
+    learned = fit_quick(DRAWN, exemplar_of(moved(law.strokes(DRAWN), waves)), config)
+    style, traced = learned.style, learned.strokes
     assert np.abs(style.displacement).max() < 1e-3
     drawn = compare(style.draw(UNSEEN).strokes, law.strokes(UNSEEN))
     assert np.corrcoef(drawn.thickness, drawn.wanted)[0, 1] > 0.95

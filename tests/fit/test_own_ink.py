@@ -15,7 +15,7 @@ from strokestyle.fit.own_ink import (
     unexplained_ink,
 )
 from strokestyle.fit.texture import cut_strips, learn_texture
-from strokestyle.render.texture_bank import stroke_rows
+from strokestyle.render.texture_bank import ROWS, stroke_rows
 
 WIDTH, HEIGHT = 200, 100
 
@@ -146,6 +146,13 @@ def test_a_stroke_where_the_drawing_has_none_owns_nothing():
     within = rows.ends.min(axis=1) > 1.0
     first = np.arange(len(within)) < rows.offsets[1]
     assert free[within & first].all() and not free[within & ~first].any()
+
+
+def test_a_short_piece_beyond_bare_rows_is_anothers_ink():
+    mask = np.maximum(inked([[20, 50], [26, 50]]), inked([[70, 50], [180, 50]]))
+    _, free, rows, _ = strips_of(strokes_of(LEVEL), mask, np.zeros((HEIGHT, WIDTH, 3)))
+    along = np.arange(len(free)) / ROWS + rows.ends[0, 0]
+    assert not free[along < 45].any() and free[(along > 60) & (along < 150)].all()
 
 
 def test_foreign_ink_does_not_widen_the_margin():

@@ -8,7 +8,13 @@ import pytest
 from strokestyle.drawing.strokes import Strokes
 from strokestyle.fit.exemplar import Exemplar
 from strokestyle.fit.own_ink import MIN_MARGIN, InkOwners, nearest_strokes
-from strokestyle.fit.texture import cut_strips, fill_occluded, learn_texture, regress_ink
+from strokestyle.fit.texture import (
+    cut_strips,
+    end_at_gaps,
+    fill_occluded,
+    learn_texture,
+    regress_ink,
+)
 from strokestyle.render.texture_bank import ROWS, Rows, stroke_rows
 
 WIDTH, HEIGHT = 200, 100
@@ -169,6 +175,17 @@ def test_past_an_end_what_is_filled_is_rounded_off():
     assert out[past >= 0].min() == 1
     cap = (past < -1) & (past > -4)
     assert (out[cap, columns // 2] > out[cap, 1]).all() and out[cap, columns // 2].min() > 0.9
+
+
+def test_past_an_end_ink_beyond_a_gap_is_not_the_strokes():
+    n = 20
+    ends = np.stack([np.arange(n) - 6.5, np.arange(n)[::-1] - 6.5], axis=1)
+    rows = replace(rows_of(2 * n), offsets=np.array([0, n, 2 * n]), ends=np.tile(ends, (2, 1)))
+    strips = np.ones((2 * n, 3, 4))
+    strips[[3, 9, 10, n + 15]] = 0.0  # two gaps past an end, and one within a stroke
+    out = end_at_gaps(strips, rows)[:, 0, 3]
+    gone = np.flatnonzero(out == 0).tolist()
+    assert gone == [0, 1, 2, 3, 9, 10, n + 15, n + 16, n + 17, n + 18, n + 19]
 
 
 # -------------------------------------------------------------------------------------- regression

@@ -32,6 +32,7 @@ INSIDE, FREE_INSIDE = 1.0, 0.5  # px deep in the stroke, where another need be o
 FREE_OUTSIDE = 1.0  # px that another stroke may reach into the margin elsewhere
 CROSSING = 3.0  # thicknesses along a stroke, between two sides that a slanting line crosses
 ASLANT = 0.5  # thicknesses along it, to either side of where ink met it, that are not sure
+PIECE = 2.5  # thicknesses: a shorter piece of a stroke between bare ones is another's ink
 SUPPORT, SUPPORT_SIGMA = 0.5, 2.0  # ink by thickness, averaged over px: less bears no stroke out
 
 
@@ -178,7 +179,8 @@ class InkOwners:
         core |= np.abs(texels.aside) <= 0.6 * step[:, None]
         sums = np.stack([(texels.sample(self.mask) * core).sum(axis=1), core.sum(axis=1)])
         ink, full = ndimage.gaussian_filter1d(sums, SUPPORT_SIGMA * ROWS, axis=1, mode="nearest")
-        return (ink < SUPPORT * full) & ~texels.past
+        bare = (ink < SUPPORT * full) & ~texels.past
+        return bare | _cut_off(bare, ROWS * PIECE * float(np.median(texels.thickness)))
 
 
 def own_pixels(nearest: NearestStrokes, i: int, texels: Texels, margin: float) -> np.ndarray:
@@ -188,6 +190,14 @@ def own_pixels(nearest: NearestStrokes, i: int, texels: Texels, margin: float) -
     own, other = np.where(mine, distance, second), np.where(mine, second, distance)
     # another stroke's soft edge does no harm well inside this one
     return other > np.where(own < -INSIDE, FREE_INSIDE, margin - FREE_OUTSIDE)
+
+
+def _cut_off(bare: np.ndarray, rows: float) -> np.ndarray:
+    """Rows (n,) bool in pieces that are shorter than `rows` and end where rows are `bare`."""
+    label, count = ndimage.label(~bare)
+    if count < 2:
+        return np.zeros(len(bare), bool)
+    return (np.bincount(label) < rows)[label] & ~bare
 
 
 def _widened(met: np.ndarray, thickness: float) -> np.ndarray:

@@ -30,6 +30,8 @@ from .own_ink import InkOwners, Texels, ink_margin, nearest_strokes
 # Set by hand; no ablation is kept.
 STRETCH = 0.4, 2.0  # length along the strip by length along the stroke: beyond, a bend folds it
 
+GAP = 0.1  # opacity past an end: where no ink across is stronger the stroke is over
+
 FOLDS = 5  # strokes are held out by their number modulo this
 STRENGTHS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # of the ridge, per row, that are tried
 APPEARANCE_BANDS, APPEARANCE_SIGMA = 10, 1.0  # parts across, and px along
@@ -62,7 +64,7 @@ def learn_texture(
     rows = stroke_rows(strokes, features, margin)
     strips, free = cut_strips(strokes, rows, exemplar, owners, margin)
     occlusion = 1.0 - free.mean(axis=1)
-    strips = fill_occluded(strips, free, rows, margin)
+    strips = end_at_gaps(fill_occluded(strips, free, rows, margin), rows)
     core = _core(rows.width, margin, strips.shape[1])
     local_ink = _local_ink(strips, core, rows.offsets, 1.0 - occlusion)
     plain = plain_regressors(rows)
@@ -171,6 +173,20 @@ def fill_occluded(strips: np.ndarray, free: np.ndarray, rows: Rows, margin: floa
         past = np.maximum(0.0, -rows.ends[a:b].min(axis=1))[:, None]
         inside = np.clip(0.5 * rows.width[a:b, None] - np.hypot(aside, past) + 1.0, 0.0, 1.0)
         out[a:b] *= np.where(free[a:b] | (past <= 0), 1.0, inside)[..., None]
+    return out
+
+
+def end_at_gaps(strips: np.ndarray, rows: Rows) -> np.ndarray:
+    """Take away what lies past an end of its stroke (R, A, 4) beyond a gap: it is no part of it."""
+    past = rows.ends.min(axis=1) < 0
+    blank = strips[..., 3].max(axis=1) < GAP
+    out = strips.copy()
+    for a, b in zip(rows.offsets[:-1], rows.offsets[1:], strict=True):
+        for way in (slice(a, b), slice(b - 1, a - 1 if a else None, -1)):
+            # from the middle of the stroke outwards
+            half = slice((b - a) // 2, None)
+            beyond = np.logical_or.accumulate((past & blank)[way][half])
+            out[way][half][beyond] = 0.0
     return out
 
 
