@@ -60,7 +60,7 @@ def sheet(width, height):
 @pytest.mark.parametrize("mode", ["L", "LA", "RGB", "RGBA"])
 @pytest.mark.parametrize("size", [(600, 400), (601, 403)])
 def test_a_large_file_is_reduced_to_what_a_resampling_of_all_of_it_gives(tmp_path, mode, size):
-    from strokestyle.fit.exemplar import _lay
+    from strokestyle.fit.layout import lay, whole_placings
 
     image = Image.fromarray(sheet(*size))
     paper = Image.new("RGBA", size, (240, 235, 225, 255))
@@ -70,8 +70,8 @@ def test_a_large_file_is_reduced_to_what_a_resampling_of_all_of_it_gives(tmp_pat
     whole, small = read_image(tmp_path / "d.png"), read_image(tmp_path / "d.png", view)
     assert whole.rgba.shape[:2] == size[::-1] and small.rgba.shape[1] == round(size[0] / 3)
     assert (small.width, small.height) == (whole.width, whole.height) == size
-    for layout in ("stretched", "cropped"):
-        a, b = (_lay(scan, *view, layout) for scan in (whole, small))
+    for k in (1, 2):  # cropped, stretched
+        a, b = (lay(scan, whole_placings(scan, *view)[k]) for scan in (whole, small))
         over = [scan[..., :3] * scan[..., 3:] + 1 - scan[..., 3:] for scan in (a, b)]
         assert np.abs(a[..., 3] - b[..., 3]).mean() < 0.5 / 255
         assert np.abs(over[0] - over[1]).mean() < 0.5 / 255

@@ -8,17 +8,17 @@ mask is that opacity, closed over the grain just as far as it takes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from PIL import Image
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from .image_file import Scan, read_image
+from .layout import Placing, lay, sheet_placings, whole_placings
 from .registration import Homography, Registration, register
+from .sheet import Sheet, find_sheet
 
 # The numbers below were set by hand; no ablation of them is kept.
 
@@ -54,8 +54,10 @@ BLOT, MIN_BLOT = 0.25, 8.0  # of the mask, and px of area: less ink than that is
 NEAR = 14.0  # px at 768; ink farther than this from every curve does not belong to one
 FAR_REFUSED, FAR_WARNED = 0.45, 0.12  # shares of such ink
 BARE_WARNED = 0.5  # share of the curves without ink
-SAME_PROPORTIONS = 0.005  # logarithm of width by height
 BETTER_LAYOUT = 0.01  # share of far ink by which another layout must be better
+NO_DRAWING = 2.0  # share of far ink that stands for a layout in which no lines are seen
+SCREEN = 256  # px, longer side of the drawings on which layouts are compared
+SHEET_SOUGHT = 0.03  # of far ink: a drawing with less of it lies on its curves and is not cropped
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,7 @@ class Exemplar:
     ink : (H, W, 3) float32, colour of the ink where there is some, white elsewhere
     mask : (H, W) float32, soft stroke mask, 1 = stroke, closed over the grain of the medium
     paper : (3,) float32, mean colour of the ground that was taken away
+    registration : how it was laid on its curves; None where nobody asked
     """
 
     rgb: np.ndarray
@@ -76,6 +79,7 @@ class Exemplar:
     ink: np.ndarray
     mask: np.ndarray
     paper: np.ndarray
+    registration: Registration | None = None
 
     def __post_init__(self):
         shape = np.shape(self.alpha)
@@ -106,13 +110,22 @@ class Agreement:
     near: float
 
 
-class _Laid(NamedTuple):
-    """One way to lay a drawing on a view, the movement that registered it, if any, and its fit."""
+@dataclass(frozen=True)
+class _Laid:
+    """A drawing laid on a view and registered, and how well that went."""
 
-    layout: str
+    placing: Placing
     exemplar: Exemplar
     agreement: Agreement
-    registration: Registration
+
+
+@dataclass(frozen=True)
+class _Screened:
+    """A layout, the share of ink that it leaves far from the curves, and what it gave, if kept."""
+
+    placing: Placing
+    far_ink: float
+    laid: _Laid | None = None
 
 
 def load_exemplar(
@@ -126,7 +139,8 @@ def load_exemplar(
 
     A file of the view's proportions is resampled as it is. Any other is tried three ways (whole
     scan inside the view, view inside the scan, stretched) and stays where most ink lies near the
-    view's curves, `curve_points` (N, 2). Where a shift, turn or scale of some per cent clearly
+    view's curves, `curve_points` (N, 2). Where that leaves ink far from them, a sheet that lies on
+    a table is sought in it. Where a shift, turn, scale or homography of some per cent clearly
     brings the ink onto the curves, the scan is moved by it. `layer` names the one to read of a file
     with layers; None reads the merged picture.
 
@@ -134,17 +148,10 @@ def load_exemplar(
     Raises ValueError, naming the file, where it is blank, all ink, or no drawing of these curves.
     """
     file = read_image(path, (width, height), layer)
-    best: _Laid | None = None
-    layouts = [
-        (name, _lay(file, width, height, name))
-        for name in _layouts((file.height, file.width), width, height)
-    ]
-    for name, scan in layouts:
-        laid = _registered(name, scan, file.transparent, str(path), curve_points)
-        if best is None or laid.agreement.far_ink < best.agreement.far_ink - BETTER_LAYOUT:
-            best = laid
-    assert best is not None  # there is one layout at least
-    agreement = best.agreement
+    laid, notes = _placed(file, width, height, str(path), curve_points)
+    registration, agreement = laid.exemplar.registration, laid.agreement
+    if registration is not None and registration.moved is not None:
+        notes.append(f"registered with the curves: {registration}")
     if agreement.far_ink > FAR_REFUSED:
         raise ValueError(
             f"{path}: {100 * agreement.far_ink:.0f} % of its ink lies farther than "
@@ -152,31 +159,94 @@ def load_exemplar(
             "camera? Draw over the template that `strokestyle extract` writes, and fit with the "
             "same view or camera"
         )
-    notes = []
-    if len(layouts) > 1:
-        notes.append(
-            f"{file.width} x {file.height} px drawing {best.layout} to the {width} x {height} view"
-        )
-    if best.registration.moved is not None:
-        notes.append(f"registered with the curves: {best.registration}")
     if agreement.far_ink > FAR_WARNED or agreement.bare_curve > BARE_WARNED:
         notes.append(
             f"{100 * agreement.far_ink:.0f} % of the ink lies farther than {agreement.near:.0f} px "
             f"from every curve and {100 * agreement.bare_curve:.0f} % of the curves have no ink "
             "near: are view, camera and line options those of the template it was drawn over?"
         )
-    return best.exemplar, "; ".join(notes)
+    return laid.exemplar, "; ".join(notes)
 
 
-def _registered(
-    layout: str, scan: np.ndarray, transparent: bool, name: str, curve_points: np.ndarray
-) -> _Laid:
-    """Separate a scan (H, W, 4), once more after it is moved onto the curves if that helps."""
-    exemplar = separate(scan, transparent, name)
+def _laid(file: Scan, placing: Placing, name: str, curve_points: np.ndarray) -> _Laid:
+    """Lay a file on a view, once more where its ink shows that it is to be moved.
+
+    Raises ValueError where there is no drawing of lines.
+    """
+    exemplar = separate(lay(file, placing), file.transparent, name)
     registration = register(exemplar.mask, curve_points)
     if registration.moved is not None:
-        exemplar = separate(_moved(scan, registration.moved), transparent, name)
-    return _Laid(layout, exemplar, agree(exemplar, curve_points), registration)
+        placing = replace(placing, map=registration.moved.after(placing.map))
+        exemplar = separate(lay(file, placing), file.transparent, name)
+    exemplar = replace(exemplar, registration=registration)
+    return _Laid(placing, exemplar, agree(exemplar, curve_points))
+
+
+def _placed(
+    file: Scan, width: int, height: int, name: str, curve_points: np.ndarray
+) -> tuple[_Laid, list[str]]:
+    """Choose how to lay a file on a view, by small pictures of it, and say so.
+
+    Raises ValueError where there is no drawing of lines.
+    """
+    whole = whole_placings(file, width, height)
+    if len(whole) == 1:
+        try:
+            laid = _laid(file, whole[0], name, curve_points)
+            best = _Screened(whole[0], laid.agreement.far_ink, laid)
+        except ValueError:
+            best = _Screened(whole[0], NO_DRAWING)
+    else:
+        best = _best([_screened(file, one, name, curve_points) for one in whole])
+    if best.far_ink > SHEET_SOUGHT and not file.transparent:
+        sheet = find_sheet(file.rgba[..., :3])
+        if sheet is not None:
+            best = _on_sheet(sheet, best, file, name, curve_points)
+            share = f"a sheet of paper found that fills {100 * sheet.share:.0f} % of it"
+    laid = best.laid or _laid(file, best.placing, name, curve_points)
+    if best.placing.sheet is not None:
+        return laid, [f"{share}; what lies around it is left out"]
+    if len(whole) == 1:
+        return laid, []
+    how = f"{file.width} x {file.height} px drawing {best.placing.name}"
+    return laid, [f"{how} to the {width} x {height} view"]
+
+
+def _on_sheet(
+    sheet: Sheet, whole: _Screened, file: Scan, name: str, curve_points: np.ndarray
+) -> _Screened:
+    """The best way to lay a photograph's sheet on the view, or the whole where none is better."""
+    best, size = whole, whole.placing.map.size
+    for turns in range(4):
+        tried = sheet_placings(sheet, round(size[0]), round(size[1]), turns)
+        found = _best([_screened(file, one, name, curve_points) for one in tried])
+        if found.far_ink < FAR_REFUSED:
+            best = _best([best, found])
+        if best.far_ink < FAR_WARNED:
+            break  # it lies upright
+    return best
+
+
+def _best(tried: list[_Screened]) -> _Screened:
+    """The first of those by which no other is clearly better."""
+    best = tried[0]
+    for one in tried[1:]:
+        if one.far_ink < best.far_ink - BETTER_LAYOUT:
+            best = one
+    return best
+
+
+def _screened(file: Scan, placing: Placing, name: str, curve_points: np.ndarray) -> _Screened:
+    """Try a layout on a small picture."""
+    size = np.array(placing.map.size)
+    small = np.rint(size * min(1.0, SCREEN / size.max()))
+    matrix = np.diag([*(small / size), 1.0]) @ placing.map.matrix
+    shrunk = replace(placing, map=Homography(matrix, (float(small[0]), float(small[1]))))
+    try:
+        laid = _laid(file, shrunk, name, curve_points * small / size)
+    except ValueError:
+        return _Screened(placing, NO_DRAWING)
+    return _Screened(placing, laid.agreement.far_ink)
 
 
 def agree(exemplar: Exemplar, curve_points: np.ndarray) -> Agreement:
@@ -371,64 +441,3 @@ def _steady_ink(ink: np.ndarray, alpha: np.ndarray) -> np.ndarray:
     near = np.where(weight[..., None] > 1e-4, near / np.maximum(weight, 1e-4)[..., None], 1.0)
     own = np.clip(alpha / FAINT_INK, 0, 1)[..., None]
     return np.clip(own * ink + (1 - own) * near, 0, 1)
-
-
-def _layouts(shape: tuple[int, ...], width: int, height: int) -> tuple[str, ...]:
-    """Ways to lay a scan on the view: one where the proportions agree within half a per cent."""
-    if abs(np.log(shape[1] / shape[0] * height / width)) < SAME_PROPORTIONS:
-        return ("scaled",)
-    return ("fitted", "cropped", "stretched")
-
-
-def _lay(file: Scan, width: int, height: int, layout: str) -> np.ndarray:
-    """Resample a scan to (height, width, 4).
-
-    This is done premultiplied, so that clear pixels bleed no colour.
-    """
-    h, w = file.rgba.shape[:2]
-    if (w, h) == (width, height):
-        return file.rgba
-    size, box = (width, height), (0.0, 0.0, float(w), float(h))
-    if layout == "fitted":
-        scale = min(width / file.width, height / file.height)
-        size = max(1, round(file.width * scale)), max(1, round(file.height * scale))
-    elif layout == "cropped":
-        scale = max(width / file.width, height / file.height)
-        x, y = (
-            0.5 * w * (1 - width / scale / file.width),
-            0.5 * h * (1 - height / scale / file.height),
-        )
-        box = max(x, 0.0), max(y, 0.0), min(w - x, float(w)), min(h - y, float(h))
-    clear = file.rgba[..., 3].min() < 1.0
-    rgba = _premultiplied(file.rgba) if clear else file.rgba
-    out = np.ones((size[1], size[0], 4), np.float32)
-    for k in range(4 if clear else 3):
-        plane = Image.fromarray(np.ascontiguousarray(rgba[..., k]))
-        out[..., k] = np.asarray(plane.resize(size, Image.Resampling.LANCZOS, box=box))
-    out = out.clip(0, 1)
-    return _straight(out if size == (width, height) else _centred(out, width, height))
-
-
-def _centred(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Cut an image (h, w, 4) about its centre, or pad it with its own edge, which is its paper."""
-    dx, dy = width - image.shape[1], height - image.shape[0]
-    image = image[max(0, -dy // 2) :, max(0, -dx // 2) :][:height, :width]
-    y, x = (height - image.shape[0]) // 2, (width - image.shape[1]) // 2
-    edge = np.median(np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]]), axis=0)
-    full = np.broadcast_to(edge, (height, width, 4)).copy()
-    full[y : y + image.shape[0], x : x + image.shape[1]] = image
-    return full
-
-
-def _moved(scan: np.ndarray, moved: Homography) -> np.ndarray:
-    return _straight(moved.warp(_premultiplied(scan)).clip(0, 1))
-
-
-def _premultiplied(rgba: np.ndarray) -> np.ndarray:
-    return np.concatenate([rgba[..., :3] * rgba[..., 3:], rgba[..., 3:]], axis=-1)
-
-
-def _straight(premultiplied: np.ndarray) -> np.ndarray:
-    alpha = premultiplied[..., 3:]
-    rgb = np.where(alpha > 1e-3, premultiplied[..., :3] / np.maximum(alpha, 1e-3), 1.0).clip(0, 1)
-    return np.concatenate([rgb, alpha], axis=-1).astype(np.float32)
