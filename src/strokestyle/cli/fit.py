@@ -116,8 +116,8 @@ def fit(
     if note:
         say(f"{drawing}: {note}")
     from ..fit.checkpoint import Checkpoint
-    from ..fit.report import fit_report
-    from ..fit.train import PRESETS, fit_style
+    from ..fit.report import account, fit_report
+    from ..fit.train import PRESETS, fit_drawing
     from ..render.style_file import save_style
 
     kept = Path(f"{output}.checkpoint")
@@ -126,7 +126,7 @@ def fit(
     started = time.perf_counter()
     try:
         with ProgressDisplay() as progress:
-            style = fit_style(
+            fitted = fit_drawing(
                 view,
                 exemplar,
                 PRESETS[preset],
@@ -140,10 +140,14 @@ def fit(
     except KeyboardInterrupt:
         text = "go on with --resume" if kept.exists() else "there was nothing to keep yet"
         raise KeyboardInterrupt(f"interrupted; {text}") from None
-    save_style(output, style)
+    save_style(output, fitted.style)
     checkpoint.remove()
-    write_picture(picture, fit_report(view, exemplar, style))
-    say(f"{drawing}: {drawn_lines(style.about)}")
+    write_picture(picture, fit_report(view, exemplar, fitted))
+    say(f"{drawing}: {drawn_lines(fitted.style.about)}")
+    if fitted.learned is not None:
+        words = account(exemplar, fitted.learned).words(max(size))
+        if words:
+            say(f"{drawing}: {'; '.join(words)} (marked in {picture})")
     say(f"{drawing}: learned in {time.perf_counter() - started:.0f} s -> {output}, {picture}")
 
 

@@ -34,6 +34,7 @@ FEATURE_RANGE = 0.5, 99.5  # percentiles of the training strokes' features; what
 MIN_SPREAD = 1e-3  # of a feature: one that hardly varies is not blown up
 # px; a residual is kept where it is faster than these Gaussians, of offset and of log width
 RESIDUAL_SIGMAS = (7.0, 14.0)
+REJECTED_RUN = 6  # points; where trace and measure disagree for less, lines meet
 MIN_AGREEING, MIN_AGREEING_SHARE = 4, 0.4  # points of a stroke whose residuals are kept
 
 # The constants of the least squares and of the thickness curves were set by hand; no ablation of
@@ -143,11 +144,15 @@ class Learned:
     style : what is kept of it
     strokes : those of the drawing, as traced
     ink : the drawing's, sorted by what it is for
+    alignment : of the planned strokes, and what of it is manner
+    rejected : (n, 2) px, where lines lie but the drawing was not believed
     """
 
     style: Style
     strokes: Strokes
     ink: SortedInk
+    alignment: Alignment
+    rejected: np.ndarray
 
 
 def fit_quick(
@@ -193,7 +198,17 @@ def fit_quick(
         features = training.features.double().cpu().numpy()[rows]
         style = replace(style, bank=learn_texture(strokes, features, exemplar, seed))
         report("texture", 1, 1, {})
-    return Learned(style, strokes, ink)
+    doubted = long_runs(training.planned.on_curve & ~agrees, training.planned.offsets, REJECTED_RUN)
+    return Learned(style, strokes, ink, alignment, training.planned.xy[doubted])
+
+
+def long_runs(flags: np.ndarray, offsets: np.ndarray, length: int) -> np.ndarray:
+    """Keep flags (N,) bool only in runs of at least `length` points of one stroke."""
+    pieces = [
+        ndimage.binary_opening(flags[a:b], np.ones(length))
+        for a, b in zip(offsets[:-1], offsets[1:], strict=True)
+    ]
+    return np.concatenate(pieces) if pieces else flags
 
 
 def learn_law(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from .. import __version__
 from ..extract.view import View
@@ -12,10 +12,10 @@ from ..render.devices import pick_device, repeatable
 from ..render.neural_strokes import NeuralStrokesStyle
 from ..render.style import Style
 from .checkpoint import Checkpoint, digest
-from .choice import learn_lines
+from .choice import DrawnLines, learn_lines
 from .config import FitConfig
 from .exemplar import Exemplar
-from .learn import fit_quick
+from .learn import Learned, fit_quick
 from .neural_strokes import NeuralStrokesConfig, fit_neural_strokes
 from .progress import Progress, Reporter
 
@@ -25,6 +25,22 @@ PRESETS: dict[str, FitConfig | NeuralStrokesConfig] = {
     "standard": STANDARD,
     "paper": NeuralStrokesConfig(),
 }
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What a fit ends with.
+
+    Parameters
+    ----------
+    style : what was learned
+    lines : which of the view's lines the artist drew
+    learned : what of the drawing it was learned from; None for the paper's networks
+    """
+
+    style: Style | NeuralStrokesStyle
+    lines: DrawnLines
+    learned: Learned | None
 
 
 def fit_style(
@@ -64,6 +80,32 @@ def fit_style(
     KeyboardInterrupt
         on Ctrl-C, after the checkpoint is written.
     """
+    return fit_drawing(
+        view,
+        exemplar,
+        config,
+        seed=seed,
+        device=device,
+        progress=progress,
+        source=source,
+        checkpoint=checkpoint,
+        minutes=minutes,
+    ).style
+
+
+def fit_drawing(
+    view: View,
+    exemplar: Exemplar,
+    config: FitConfig | NeuralStrokesConfig = STANDARD,
+    *,
+    seed: int = 0,
+    device: str = "auto",
+    progress: Callable[[Progress], None] | None = None,
+    source: str = "",
+    checkpoint: Checkpoint | None = None,
+    minutes: float | None = None,
+) -> Fitted:
+    """Learn the style of one drawing, and say from what. Arguments and errors as of `fit_style`."""
     until = None if minutes is None else time.monotonic() + 60.0 * minutes
     size = (view.camera.height, view.camera.width)
     if exemplar.mask.shape != size:
@@ -83,11 +125,12 @@ def fit_style(
         paper = fit_neural_strokes(
             view, exemplar, config, seed, where, report, about, checkpoint, until
         )
-        return replace(paper, choice=lines.choice)
+        return Fitted(replace(paper, choice=lines.choice), lines, None)
     report = Reporter(progress, 2 * config.steps + config.trace_steps)
     with repeatable(where):
         learned = fit_quick(view, exemplar, config, seed, where, report, checkpoint, until)
-    return replace(learned.style, choice=lines.choice, about=about)
+    style = replace(learned.style, choice=lines.choice, about=about)
+    return Fitted(style, lines, learned)
 
 
 def _key(
