@@ -15,17 +15,13 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from .ground import ground_field, printed_lines
 from .image_file import Scan, read_image
 from .layout import Placing, lay, sheet_placings, whole_placings
 from .registration import Homography, Registration, register
 from .sheet import Sheet, find_sheet
 
 # The numbers below were set by hand; no ablation of them is kept.
-
-# ground
-BLOCK = 48  # px, side of the blocks whose medians are the ground's colour
-BLOCK_OFF, BLOCK_OFF_SPREADS = 0.005, 6.0  # of 1, and medians of all: a block this far off is ink
-GROUND_SIGMA = 0.7  # blocks, Gaussian over their colours
 
 # ink, as opacity in [0, 1]
 MIN_OPACITY = 2.0 / 255.0  # what 8 bits cannot tell from nothing
@@ -36,6 +32,7 @@ SURE_INK, SURE_INK_FLOORS, INK_REACH = (
     2.0,
     5,
 )  # ink of a grainy ground lies within 5 px of this
+PRINT_LEFT = 0.6  # of a printed line's opacity, that may be left of it
 VISIBLE_INK = 0.08  # opacity of what counts as a stroke
 MIN_INK_SHARE, MAX_INK_SHARE = 2e-4, 0.5  # of the sheet, in a drawing of lines
 STRONGEST = 0.98  # quantile of the ink's opacity that is taken for opaque
@@ -72,6 +69,7 @@ class Exemplar:
     mask : (H, W) float32, soft stroke mask, 1 = stroke, closed over the grain of the medium
     paper : (3,) float32, mean colour of the ground that was taken away
     registration : how it was laid on its curves; None where nobody asked
+    notes : what was taken off it, for the user
     """
 
     rgb: np.ndarray
@@ -80,6 +78,7 @@ class Exemplar:
     mask: np.ndarray
     paper: np.ndarray
     registration: Registration | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self):
         shape = np.shape(self.alpha)
@@ -149,6 +148,7 @@ def load_exemplar(
     """
     file = read_image(path, (width, height), layer)
     laid, notes = _placed(file, width, height, str(path), curve_points)
+    notes += laid.exemplar.notes
     registration, agreement = laid.exemplar.registration, laid.agreement
     if registration is not None and registration.moved is not None:
         notes.append(f"registered with the curves: {registration}")
@@ -275,6 +275,7 @@ def separate(scan: np.ndarray, transparent: bool = False, name: str = "drawing")
 
     Raises ValueError where there is no ink, or more than a drawing of lines can hold.
     """
+    notes: tuple[str, ...] = ()
     if transparent:
         rgb, opacity = scan[..., :3], scan[..., 3]
         ground, mean_ground, floor = None, np.ones(3), MIN_OPACITY
@@ -282,7 +283,15 @@ def separate(scan: np.ndarray, transparent: bool = False, name: str = "drawing")
         rgb = scan[..., :3] * scan[..., 3:] + (1.0 - scan[..., 3:])
         ground = ground_field(rgb)
         mean_ground = ground.mean(axis=(0, 1))
+        printed = printed_lines(rgb, ground)
+        if printed is not None:
+            ground = ground * printed
         opacity, floor = _least_opacity(rgb, ground, mean_ground)
+        if printed is not None:
+            # what printed lines leave where they are stronger than on average
+            left = PRINT_LEFT * (1.0 - printed.min(axis=-1))
+            opacity = np.where(opacity > left, opacity, 0.0)
+            notes = ("its ruling was taken off",)
     opacity = np.where(opacity > floor, opacity, 0.0)
     if floor > CLEAN_GROUND:
         # the strongest of the grain passes the floor too, but stands away from all ink
@@ -294,7 +303,7 @@ def separate(scan: np.ndarray, transparent: bool = False, name: str = "drawing")
     alpha = np.clip(opacity / max(strongest, 1e-3), 0, 1)
     ink = _steady_ink(rgb if ground is None else _ink_over(rgb, ground, alpha, mean_ground), alpha)
     laid = alpha[..., None] * ink + (1.0 - alpha[..., None])
-    return Exemplar(laid, alpha, ink, stroke_mask(alpha), mean_ground)
+    return Exemplar(laid, alpha, ink, stroke_mask(alpha), mean_ground, notes=notes)
 
 
 def _least_opacity(
@@ -340,52 +349,6 @@ def _ink_over(
         # taken for white paper in its light, which fell on the ink as well
         ink = np.clip(ink / np.maximum(ground, 1e-3), 0, 1)
     return ink
-
-
-def ground_field(rgb: np.ndarray) -> np.ndarray:
-    """Estimate the ground's colour under every pixel of (H, W, 3).
-
-    Medians of blocks, those of ink mended from their neighbours, smoothed and interpolated.
-    """
-    height, width = rgb.shape[:2]
-    rows = np.linspace(0, height, max(1, round(height / BLOCK)) + 1).astype(int)
-    cols = np.linspace(0, width, max(1, round(width / BLOCK)) + 1).astype(int)
-    blocks = np.array(
-        [
-            [
-                np.median(rgb[a:b, c:d].reshape(-1, 3), axis=0)
-                for c, d in zip(cols[:-1], cols[1:], strict=True)
-            ]
-            for a, b in zip(rows[:-1], rows[1:], strict=True)
-        ]
-    )
-    blocks = _without_ink(blocks)
-    blocks = ndimage.gaussian_filter(blocks, (GROUND_SIGMA, GROUND_SIGMA, 0), mode="nearest")
-    grid = np.meshgrid(_in_blocks(rows, height), _in_blocks(cols, width), indexing="ij")
-    field = [
-        ndimage.map_coordinates(blocks[..., k], grid, order=1, mode="nearest") for k in range(3)
-    ]
-    return np.stack(field, axis=-1).astype(np.float32)
-
-
-def _without_ink(blocks: np.ndarray) -> np.ndarray:
-    """Block medians (m, n, 3); those that hold ink take the colour of the nearest that do not."""
-    overall = np.median(blocks.reshape(-1, 3), axis=0)
-    steady = ndimage.median_filter(blocks, size=(5, 5, 1), mode="nearest")
-    off = np.abs(blocks - steady).max(axis=-1)
-    ink = off > BLOCK_OFF + BLOCK_OFF_SPREADS * np.median(off)
-    if ink.all():
-        return np.broadcast_to(overall, blocks.shape).copy()
-    if ink.any():
-        nearest = ndimage.distance_transform_edt(ink, return_distances=False, return_indices=True)
-        blocks = blocks[tuple(nearest)]
-    return blocks
-
-
-def _in_blocks(edges: np.ndarray, size: int) -> np.ndarray:
-    """Where the `size` pixels of a side lie among blocks with these edges (k+1,): (size,)."""
-    middle = 0.5 * (edges[:-1] + edges[1:])
-    return np.interp(np.arange(size) + 0.5, middle, np.arange(len(middle)))
 
 
 def stroke_mask(alpha: np.ndarray) -> np.ndarray:
