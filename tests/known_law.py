@@ -70,7 +70,7 @@ class Law:
     smooth : px, Gaussian that rounds curves off
     cut : px, tolerance with which curves are drawn straight
     thickness : (arc length, length, xy) of a stroke -> px
-    past : px by which strokes run on past both ends
+    past : px by which strokes run on past both ends; of two, each end by its own between them
     jitter : px rms, of offsets with no memory longer than a few points
     """
 
@@ -95,9 +95,10 @@ class Law:
             )
             if self.jitter:
                 line = line + jitter(len(line), self.jitter, rng)[:, None] * normals(line)
+            past = rng.uniform(*np.broadcast_to(self.past, 2), size=2)
             ends = [
-                line[0] - heading(line[:4]) * self.past,
-                line[-1] + heading(line[-4:]) * self.past,
+                line[0] - heading(line[:4]) * past[0],
+                line[-1] + heading(line[-4:]) * past[1],
             ]
             if self.past:
                 line = np.concatenate([[ends[0]], line, [ends[1]]])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from known_law import planned
 
+from strokestyle.geometry.curves import Curves
 from strokestyle.render.displacement import (
     CUTS,
     DEFORMATIONS,
@@ -15,6 +16,7 @@ from strokestyle.render.displacement import (
     displaced,
 )
 from strokestyle.render.features import SURFACE
+from strokestyle.render.plan import plan_strokes
 
 STEP = 3.0  # px between points
 
@@ -140,16 +142,30 @@ def test_inflating_moves_along_the_surfaces_normals():
 # ------------------------------------------------------------------------------------ ends, strokes
 
 
-def test_what_lies_past_an_end_moves_as_the_end_does():
+def test_what_lies_past_an_end_lies_straight_on_from_where_the_curve_is_moved_to():
+    """An arc that is cut straight is overshot along its chord, not along its tangents."""
+    line = arc(100.0, 28)  # of a sagitta below 12 px
+    strokes = plan_strokes(Curves.from_list([line], [0]), STEP, max_overshoot=30.0)
+    moves = deformations_of(strokes, np.zeros((len(strokes.xy), 2)), STEP)
+    moved = strokes.xy + moves[:, DEFORMATIONS.index("cut_12")]
+    chord = (line[-1] - line[0]) / np.hypot(*(line[-1] - line[0]))
+    off = (moved - line[0]) @ [-chord[1], chord[0]]
+    assert np.abs(off).max() < 0.3
+    along = np.sort((moved - line[0]) @ chord)
+    assert along[0] == pytest.approx(-30, abs=1)
+    assert along[-1] == pytest.approx(np.hypot(*(line[-1] - line[0])) + 30, abs=1)
+    # what is rounded off is overshot in the direction that it has then
+    eased = strokes.xy + moves[:, DEFORMATIONS.index("smooth_24")]
+    heading = eased[-11] - eased[-15]
+    across = np.array([-heading[1], heading[0]]) / np.hypot(*heading)
+    assert abs((eased[-1] - eased[-11]) @ across) < 1
+
+
+def test_what_lies_past_an_end_has_no_say_in_the_rest():
     line = np.concatenate([straight(30), straight(30, (107.0, 43.0), (0.0, 1.0))])
-    strokes = planned(line, past=4)
-    rng = np.random.default_rng(0)
-    got = deformations_of(strokes, rng.normal(size=(60, 2)), STEP)
-    for k in range(len(DEFORMATIONS)):
-        assert np.array_equal(got[:4, k], np.tile(got[4, k], (4, 1)))
-        assert np.array_equal(got[-4:, k], np.tile(got[-5, k], (4, 1)))
+    got = deformations_of(planned(line, past=4), np.zeros((60, 2)), STEP)
     inner = deformations_of(planned(line[4:-4]), np.zeros((52, 2)), STEP)
-    assert got[4:-4, :-1] == pytest.approx(inner[:, :-1])  # and has no say in it
+    assert got[4:-4, :-1] == pytest.approx(inner[:, :-1])
 
 
 def test_strokes_do_not_mix():

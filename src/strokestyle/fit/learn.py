@@ -17,7 +17,8 @@ from ..render.devices import pick_device
 from ..render.displacement import Frame, across_strokes
 from ..render.features import FeatureScaling, plan, point_features, surface_at
 from ..render.networks import AdditiveNet
-from ..render.plan import Planned
+from ..render.overshoots import Overshoots
+from ..render.plan import Planned, lift
 from ..render.residuals import Residuals
 from ..render.style import Style, SumOfCurves
 from .align import Alignment, align
@@ -25,7 +26,9 @@ from .checkpoint import Checkpoint
 from .config import FitConfig
 from .exemplar import Exemplar
 from .hatching import SortedInk, sort_ink
+from .manner import learn_manner
 from .observe import Observation, measure_across, sample_image
+from .pen_ends import pen_ends, probe_ends
 from .progress import Report, Reporter
 from .texture import learn_texture
 from .trace import MaskPyramid, StrokeTensors, Traced, affordable_steps, optimise_strokes
@@ -105,6 +108,24 @@ class TrainingStrokes:
         """(N, 2) float64, unit vectors across the strokes."""
         return self.tensors.normals.double().cpu().numpy()
 
+    def lifted(
+        self, view: View, past: np.ndarray, shift: np.ndarray
+    ) -> tuple[TrainingStrokes, np.ndarray]:
+        """Let the strokes begin and end `past` (C, 2) px past the ends of their curves.
+
+        `shift` (N, 2) px is what they were aligned by, which their features do not tell of.
+        Returns them, and which rows (n,) of these strokes they keep.
+        """
+        plain = replace(self.planned, xy=self.planned.xy - shift)
+        planned, rows = lift(plain, past, self.config.spacing)
+        surface = planned.carry(surface_at(view, self.config.spacing))
+        raw = point_features(planned, surface, self.config)
+        scaling = measure_scaling(raw)
+        features = self.features.new_tensor(scaling(raw))
+        tensors = self.tensors.part(rows, planned.offsets, planned.on_curve)
+        aligned = replace(planned, xy=planned.xy + shift[rows])
+        return TrainingStrokes(self.config, aligned, tensors, features, scaling), rows
+
     def measured(self, mask: np.ndarray) -> Observation:
         """Measure a mask (H, W) across the strokes."""
         return measure_across(mask, self.planned, self.normals)
@@ -173,6 +194,7 @@ def fit_quick(
     device, checkpoint = device or pick_device("cpu"), checkpoint or Checkpoint()
     report = report or Reporter(None, 1)
     style_config = replace(config.style, size=max(exemplar.mask.shape))
+    style_config = learn_manner(view, exemplar.mask, style_config)
     training = TrainingStrokes.of(view, style_config, device)
     deformations = training.tensors.deformations.double().cpu().numpy()
     alignment = align(exemplar.mask, training.planned, deformations, style_config.spacing)
@@ -186,12 +208,16 @@ def fit_quick(
     traced = _trace(training, rough_law, ink.lines, config, report, checkpoint, until)
     shown = sample_image(ink.lines, training.planned.xy)
     found, agrees = traced.observed(training.tensors, measured, shown)
+    past, clear = pen_ends(training.planned, *traced.arrays(), ink.lines, style_config.spacing)
+    training, rows = training.lifted(view, past, alignment.shift)
+    traced, found, agrees = traced.part(rows), found.part(rows), agrees[rows]
     law = learn_law(training, found, alignment.free, config, seed, report)
     residuals = None
     if config.residuals > 0:
         off = config.residuals * _residuals(training, law, traced)
         residuals = learn_residuals(off, training.planned, agrees, style_config.spacing)
     style = _style(training, law, residuals, replace(exemplar, mask=ink.lines))
+    style = replace(style, overshoots=Overshoots.of(np.where(clear, past, np.nan)))
     strokes, rows = traced.strokes(training.planned)
     if config.texture and len(strokes):
         report("texture", 0, 1, {})
@@ -312,9 +338,7 @@ def _trace(
     """Trace the drawing's strokes, beginning where the law has them, in as many steps as fit."""
     strokes = training.tensors
     target = MaskPyramid.of(mask, training.planned.xy, config.levels, strokes.xy.device)
-    start = law(training)
-    # past their ends strokes begin without width, and grow where the drawing has ink
-    start.log_width[~strokes.on_curve] = float(np.log(HAIR))
+    start = begin_past_ends(training, law(training), mask)
 
     def affordable() -> int:
         if until is None:
@@ -325,6 +349,22 @@ def _trace(
     config = replace(config, trace_steps=steps)
     report.total = 2 * config.steps + config.trace_steps
     return optimise_strokes(strokes, start, target, config, report, checkpoint)
+
+
+def begin_past_ends(training: TrainingStrokes, drawn: Traced, mask: np.ndarray) -> Traced:
+    """Let strokes begin with a width past their ends where ink runs on, and elsewhere with none."""
+    planned, config = training.planned, training.config
+    thickness, xy = drawn.arrays()
+    lines = [
+        xy[a:b][planned.on_curve[a:b]]
+        for a, b in zip(planned.offsets[:-1], planned.offsets[1:], strict=True)
+    ]
+    usual = float(np.median(thickness[planned.on_curve]))
+    probes = probe_ends(lines, mask, usual, config.max_overshoot, config.spacing)
+    log_width = drawn.log_width.clone()
+    bare = torch.as_tensor(~planned.on_curve & ~probes.drawn(planned), device=log_width.device)
+    log_width[bare] = float(np.log(HAIR))
+    return Traced(log_width.new_tensor(probes.laid(planned, xy)), log_width)
 
 
 def _residuals(training: TrainingStrokes, law: StrokeLaw, traced: Traced) -> np.ndarray:

@@ -32,6 +32,10 @@ class Observation:
     thickness: np.ndarray
     confidence: np.ndarray
 
+    def part(self, rows: np.ndarray) -> Observation:
+        """Keep some rows (n,)."""
+        return Observation(self.offset[rows], self.thickness[rows], self.confidence[rows])
+
 
 def measure_across(
     mask: np.ndarray, planned: Planned, normals: np.ndarray, reach: float = REACH

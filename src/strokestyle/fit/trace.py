@@ -70,6 +70,12 @@ class StrokeTensors:
         tensors = [torch.as_tensor(array, device=device) for array in arrays]
         return cls(*(a.float() if a.is_floating_point() else a for a in tensors))
 
+    def part(self, rows: np.ndarray, offsets: np.ndarray, on_curve: np.ndarray) -> StrokeTensors:
+        """Keep some rows (n,), which `offsets` cut into strokes, `on_curve` (n,) where they are."""
+        index = torch.as_tensor(rows, device=self.offsets.device)
+        cut, on = (torch.as_tensor(a, device=index.device) for a in (offsets, on_curve))
+        return StrokeTensors(self.xy[index], self.normals[index], self.deformations[index], cut, on)
+
     def displaced(self, weights: Tensor) -> Tensor:
         """Move the points by `weights` (M,) of the deformations: (N, 2) px."""
         return self.xy + (self.deformations * weights[:, None]).sum(1)
@@ -170,12 +176,21 @@ class Traced:
         """(N,) px, full width, 0 at least."""
         return thickness_of(self.log_width).clamp(min=0.0)
 
+    def arrays(self) -> tuple[np.ndarray, np.ndarray]:
+        """Thickness (N,) and xy (N, 2), px, float64."""
+        return self.thickness.double().cpu().numpy(), self.xy.double().cpu().numpy()
+
+    def part(self, rows: np.ndarray) -> Traced:
+        """Keep some rows (n,)."""
+        index = torch.as_tensor(rows, device=self.xy.device)
+        return Traced(self.xy[index], self.log_width[index])
+
     def strokes(self, planned: Planned) -> tuple[Strokes, np.ndarray]:
         """These strokes without the ends that are too thin to see.
 
         Returns them, and the rows (n,) of `planned` that they keep.
         """
-        xy, thickness = self.xy.double().cpu().numpy(), self.thickness.double().cpu().numpy()
+        thickness, xy = self.arrays()
         rows, offsets, kept = trim_invisible_ends(thickness, planned.offsets)
         return Strokes(
             xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool)

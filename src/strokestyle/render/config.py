@@ -23,6 +23,8 @@ class StyleConfig:
     join_gap : px, ends of curves nearer than this that head the same way are drawn through
     corner_angle : degrees, a curve that turns more sharply is drawn as two strokes
     max_overshoot : px by which strokes are planned past both ends of their curves
+    cut_tolerance : px, strokes also end at the corners of the polyline that stays within this of
+        their curve; 0 = never
     hidden_units : of the curve of thickness over each feature
     """
 
@@ -32,3 +34,4 @@ class StyleConfig:
     corner_angle: float = 65.0
     max_overshoot: float = 24.0
     hidden_units: int = 8
+    cut_tolerance: float = 0.0

@@ -8,11 +8,10 @@ import numpy as np
 
 from ..geometry.curves import simplify, tangents
 from .features import HEADING_SIGMA, along_strokes
-from .plan import Planned
+from .plan import CUT_SIGMA, HEADING_SPAN, Planned
 
 SMOOTHINGS = (3.0, 6.0, 12.0, 24.0)  # px, Gaussians under which a curve may be rounded off
 CUTS = (3.0, 6.0, 12.0)  # px, tolerances with which a curve may be cut straight
-CUT_SIGMA = 4.0  # px, Gaussian before a curve is cut straight, so that its noise is not followed
 INFLATE_SIGMA = 12.0  # px, Gaussian along the stroke of the normals that it is inflated along
 DEFORMATIONS = (
     *(f"smooth_{n:.0f}" for n in SMOOTHINGS),
@@ -63,7 +62,7 @@ def deformations_of(planned: Planned, normals: np.ndarray, spacing: float) -> np
 
     smooth_S moves a point to where a Gaussian of S px takes its curve, whose ends stay; cut_T to
     the polyline that stays within T px of the curve; inflate by 1 px along the surface's normal.
-    Points past an end move as the end does.
+    Points past an end lie straight on from where the curve's end is moved to, as its heading turns.
 
     Parameters
     ----------
@@ -77,7 +76,10 @@ def deformations_of(planned: Planned, normals: np.ndarray, spacing: float) -> np
         inner = np.flatnonzero(on_curve[a:b]) + a
         first, end = inner[0], inner[-1] + 1
         out[first:end] = _deformations_of_curve(planned.xy[first:end], normals[first:end], spacing)
-        out[a:first], out[end:b] = out[first], out[end - 1]
+        span = min(max(1, round(HEADING_SPAN / spacing)), end - first - 1)
+        over = planned.overshoot[:, None, None] / max(span * spacing, 1e-9)
+        out[a:first] = out[first] + over[a:first] * (out[first] - out[first + span])
+        out[end:b] = out[end - 1] + over[end:b] * (out[end - 1] - out[end - 1 - span])
     return out
 
 

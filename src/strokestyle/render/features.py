@@ -72,7 +72,12 @@ def plan(view: View, config: StyleConfig, scale: float = 1.0) -> Planned:
     if scale != 1.0:
         curves = Curves(curves.xy / scale, curves.offsets, curves.kind, curves.closed)
     return plan_strokes(
-        curves, config.spacing, config.join_gap, config.corner_angle, config.max_overshoot
+        curves,
+        config.spacing,
+        config.join_gap,
+        config.corner_angle,
+        config.max_overshoot,
+        cut_tolerance=config.cut_tolerance,
     )
 
 
@@ -106,8 +111,9 @@ def point_features(
 
 
 def _end_features(planned: Planned) -> dict[str, np.ndarray]:
-    """Where a point lies between the ends of its curve, or past them."""
-    stroke, on_curve = owner(planned.offsets), planned.on_curve
+    """Where a point lies between the ends of its curve, or past them; of its stroke, if lifted."""
+    stroke = owner(planned.offsets)
+    on_curve = planned.on_curve | planned.lifted
     along = arc_length(planned.xy, planned.offsets)
     begin, end = np.full(len(planned), np.inf), np.full(len(planned), -np.inf)
     np.minimum.at(begin, stroke[on_curve], along[on_curve])

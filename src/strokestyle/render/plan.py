@@ -9,20 +9,21 @@ the right, so that a stroke's beginning differs from its end.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from ..geometry.curves import Curves, arc, resample
+from ..geometry.curves import Curves, arc, blurred, resample, simplify
 
 PULL = np.array([0.6, 1.0])  # the direction of easy strokes, x right, y down
 HEADING_SPAN = 12.0  # px over which the heading of an end, or the turn at a corner, is measured
 JOIN_ANGLE = 30.0  # degrees between the headings of two ends that one stroke may draw through
 BRIDGE_ANGLE = 60.0  # degrees between a bridge across a wide gap and the heading of its end
 WIDE_GAP = 1.5  # of the spacing: across a narrower gap a bridge has no direction worth asking for
+CUT_SIGMA = 4.0  # px, Gaussian before a curve is cut straight, so that its noise is not followed
 GAP_COST = 2.0  # degrees that a px of gap counts as, where several ends compete
 
 
@@ -38,6 +39,8 @@ class Planned:
     source : (N, 2) int64, two rows of the curves between which a point lies
     mix : (N,) float64, 0 at the first of the two rows, 1 at the second
     overshoot : (N,) float64, px by which a point lies past the end of its curve, 0 on it
+    lifted : whether the pen is set down and lifted where the strokes begin and end; otherwise they
+        hold all the points to which they may run on, and their curves' ends are taken for theirs
     """
 
     xy: np.ndarray
@@ -46,6 +49,7 @@ class Planned:
     source: np.ndarray
     mix: np.ndarray
     overshoot: np.ndarray
+    lifted: bool = False
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -85,6 +89,7 @@ def plan_strokes(
     corner_angle: float = 65.0,
     max_overshoot: float = 0.0,
     min_length: float = 6.0,
+    cut_tolerance: float = 0.0,
 ) -> Planned:
     """Join, cut, direct and resample curves.
 
@@ -96,6 +101,8 @@ def plan_strokes(
     corner_angle : degrees, a sharper turn within 12 px to either side ends a stroke; 180 = never
     max_overshoot : px by which every stroke runs on past both ends, straight
     min_length : px, shorter strokes are left out
+    cut_tolerance : px, strokes also end at the corners of the polyline that stays within this of
+        the curve (Ramer-Douglas-Peucker), each straight piece a stroke; 0 = never
     """
     span = max(1, round(HEADING_SPAN / spacing))
     paths = _evenly(curves, spacing)
@@ -103,6 +110,9 @@ def plan_strokes(
         paths = _join(paths, join_gap, span, spacing)
     if corner_angle < 180:
         paths = [piece for path in paths for piece in _cut_at_corners(path, corner_angle, span)]
+    if cut_tolerance > 0:
+        sigma = CUT_SIGMA / spacing
+        paths = [piece for path in paths for piece in _cut_straight(path, cut_tolerance, sigma)]
     paths = [_pulled(path) for path in paths if arc(path.xy)[-1] >= min_length]
     steps = np.arange(1, int(max_overshoot / spacing) + 1) * spacing
     return _planned([_overshot(path, steps, span) for path in paths], steps, len(curves.xy))
@@ -149,17 +159,31 @@ def corners(xy: np.ndarray, degrees: float, span: int) -> np.ndarray:
     """
     if len(xy) < 2 * span + 1:
         return np.zeros(0, np.int64)
-    before, after = xy[span:-span] - xy[: -2 * span], xy[2 * span :] - xy[span:-span]
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    turn = np.degrees(np.abs(np.arctan2(cross, (before * after).sum(axis=1))))
+    turn = turns(xy, span)[span:-span]
     sharpest = ndimage.maximum_filter1d(turn, 2 * span + 1)
     found = np.flatnonzero((turn > degrees) & (turn == sharpest)) + span
     return found[np.r_[True, np.diff(found) > span]] if len(found) else found
 
 
+def turns(xy: np.ndarray, span: int) -> np.ndarray:
+    """Degrees (n,) that a polyline (n, 2) turns from `span` points before to after; 0 at ends."""
+    before, after = xy[span:-span] - xy[: -2 * span], xy[2 * span :] - xy[span:-span]
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    turn = np.degrees(np.abs(np.arctan2(cross, (before * after).sum(axis=1))))
+    return np.pad(turn, (span, len(xy) - span - len(turn)))
+
+
 def _cut_at_corners(path: _Path, degrees: float, span: int) -> list[_Path]:
     """Cut a path in pieces, which share the corners between them."""
-    marks = np.r_[0, corners(path.xy, degrees, span), len(path.xy) - 1].astype(int)
+    return _cut(path, np.r_[0, corners(path.xy, degrees, span), len(path.xy) - 1].astype(int))
+
+
+def _cut_straight(path: _Path, tolerance: float, sigma: float) -> list[_Path]:
+    """Cut a path in pieces that chords come within `tolerance` px of; `sigma` is in points."""
+    return _cut(path, simplify(blurred(path.xy, sigma), tolerance))
+
+
+def _cut(path: _Path, marks: np.ndarray) -> list[_Path]:
     return [path.part(slice(a, b + 1)) for a, b in zip(marks[:-1], marks[1:], strict=True) if b > a]
 
 
@@ -183,6 +207,45 @@ def _overshot(path: _Path, steps: np.ndarray, span: int) -> _Path:
     after = path.xy[-1] + steps[:, None] * heading(path.xy, span)
     place = np.pad(path.place, len(steps), mode="edge")
     return _Path(np.concatenate([before, path.xy, after]), place, path.kind)
+
+
+def lift(planned: Planned, past: np.ndarray, spacing: float) -> tuple[Planned, np.ndarray]:
+    """Let strokes begin and end where the pen is set down and lifted.
+
+    Parameters
+    ----------
+    planned : C strokes that run on past the ends of their curves, as far as they may
+    past : (C, 2) px from the ends of their curves to where they begin and end; below 0 where the
+        pen is lifted short of them
+    spacing : px between points
+
+    Returns the strokes, and the rows (n,) of `planned` that they keep; their first and last points
+    are moved to where they begin and end.
+    """
+    kept, moved, beyond = [], [], []
+    for i, (a, b) in enumerate(zip(planned.offsets[:-1], planned.offsets[1:], strict=True)):
+        xy, inner = planned.xy[a:b], np.flatnonzero(planned.on_curve[a:b])
+        along = arc(xy)
+        begin, end = along[inner[0]], along[inner[-1]]
+        at = np.clip([begin - past[i, 0], end + past[i, 1]], along[0], along[-1])
+        first, last = (int(np.abs(along - s).argmin()) for s in at)
+        rows = np.arange(first, max(last, first + 1) + 1) if first + 1 < b - a else inner[-2:]
+        line, over = xy[rows], planned.overshoot[a:b][rows]
+        for k, s in ((0, at[0]), (-1, at[1])):
+            line[k] = [np.interp(s, along, xy[:, axis]) for axis in (0, 1)]
+            over[k] = max(begin - s, s - end, 0.0)
+        kept.append(rows + a)
+        moved.append(line)
+        beyond.append(over)
+    if not kept:
+        return replace(planned, lifted=True), np.zeros(0, np.int64)
+    rows = np.concatenate(kept)
+    offsets = np.r_[0, np.cumsum([len(part) for part in kept])]
+    strokes = Planned(
+        np.concatenate(moved), offsets, planned.kind, planned.source[rows], planned.mix[rows],
+        np.concatenate(beyond), lifted=True,
+    )  # fmt: skip
+    return strokes, rows
 
 
 # --------------------------------------------------------------------------------------------- join

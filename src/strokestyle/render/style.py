@@ -20,7 +20,8 @@ from .choice import LineChoice, choose_lines
 from .config import HAIR, StyleConfig
 from .displacement import Frame, displaced
 from .features import FeatureScaling, plan, point_features, surface_at
-from .plan import Planned
+from .overshoots import Overshoots
+from .plan import Planned, lift
 from .quilt import synthesise
 from .residuals import Residuals, sample_residuals
 from .texture_bank import TextureBank
@@ -81,6 +82,8 @@ class Style:
     color : (4,) float64 straight RGBA in [0, 1], the flat ink where there is no texture
     about : provenance: strokestyle version, preset, seed, exemplar
     choice : which lines are drawn, or None for all
+    overshoots : how far strokes run past their ends; None where their thickness says so, as in
+        models of format 3
     """
 
     config: StyleConfig
@@ -92,6 +95,7 @@ class Style:
     color: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
     about: dict = field(default_factory=dict)
     choice: LineChoice | None = None
+    overshoots: Overshoots | None = None
 
     def choose(self, view: View) -> View:
         """Leave out of a view the lines, and parts of lines, that the artist would not draw."""
@@ -122,6 +126,9 @@ class Style:
     def lay_strokes(self, view: View, seed: int = 0) -> LaidStrokes:
         """Plan the strokes of a view, move them off their curves, and give them thickness."""
         planned = plan(view, self.config, self._scale(view))
+        if self.overshoots is not None:
+            past = self.overshoots.sample(planned, np.random.default_rng(_child_seed(seed, 2)))
+            planned, _ = lift(planned, past, self.config.spacing)
         surface = planned.carry(surface_at(view, self.config.spacing))
         names = self.scaling.names
         features = self.scaling(point_features(planned, surface, self.config, names))

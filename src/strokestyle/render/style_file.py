@@ -13,6 +13,7 @@ from ..files import read_model, write_model
 from .choice import LineChoice
 from .config import StyleConfig
 from .features import FEATURES, FeatureScaling
+from .overshoots import Overshoots
 from .residuals import Residuals
 from .style import Style, SumOfCurves
 from .texture_bank import TextureBank
@@ -20,7 +21,7 @@ from .texture_bank import TextureBank
 if TYPE_CHECKING:
     from .neural_strokes import NeuralStrokesStyle
 
-# 4: features of the nib; 3: the fields are called what the classes call them; 2, 3 are still read
+# 4: features of the nib, overshoots; 3: fields are called what the classes call them; 2, 3 are read
 FORMAT = 4
 # What the settings of format 2 are called now.
 CONFIG_OF_FORMAT_2 = {
@@ -53,6 +54,7 @@ def _state(style: Style) -> dict:
         "residuals": None if style.residuals is None else asdict(style.residuals),
         "texture": None if style.bank is None else asdict(style.bank),
         "color": style.color,
+        "overshoots": None if style.overshoots is None else asdict(style.overshoots),
     }
 
 
@@ -103,6 +105,7 @@ def _unpack_style(payload: dict) -> Style:
         raise KeyError("its features are not those of this version")
     scaling = payload["features"] | {"names": names}
     residuals, texture = payload["residuals"], payload["texture"]
+    overshoots = payload.get("overshoots")  # from format 4 on
     return Style(
         config=StyleConfig(**config),
         log_width=SumOfCurves(**payload["log_width"]),
@@ -112,6 +115,7 @@ def _unpack_style(payload: dict) -> Style:
         bank=None if texture is None else TextureBank(**texture),
         color=payload["color"],
         about=payload["about"],
+        overshoots=None if overshoots is None else Overshoots(**overshoots),
     )
 
 

@@ -1,0 +1,63 @@
+"""Where pens are set down and lifted: how far past the ends of lines, or short of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.curves import arc
+from .plan import Planned
+
+MAX_OVERSHOOT_SHARE = 0.6  # of a curve's length: a short line is not overshot by more than this
+MAX_SHORT_SHARE = 0.3  # of it: nor is the pen lifted shorter of its end
+NOTABLE = 6.0  # px past an end, or short of it, that can be told from the width of its line
+LEAST_HABIT, LEAST_SHARE = 3, 0.15  # ends, and of all ends that are known, that make a habit
+FEW = 4  # lengths of one end: where fewer are known, those of the other end count as well
+
+
+@dataclass(frozen=True)
+class Overshoots:
+    """How far the training strokes ran past the ends of their curves.
+
+    Parameters
+    ----------
+    first, last : (S,), (T,) float32 px, at the ends where strokes begin and where they end, of as
+        many as are known; below 0 where the pen was lifted short of the end
+    """
+
+    first: np.ndarray
+    last: np.ndarray
+
+    @classmethod
+    def of(cls, past: np.ndarray) -> Overshoots:
+        """Keep what is known of lengths (C, 2), where NaN is not.
+
+        What only an end or two do is no habit: it is as likely another line's ink, and left out.
+        """
+        far = np.abs(past) > NOTABLE
+        if far.sum() < max(LEAST_HABIT, LEAST_SHARE * np.isfinite(past).sum()):
+            past = np.where(far, np.nan, past)
+        return cls(*(end[np.isfinite(end)].astype(np.float32) for end in past.T))
+
+    def sample(self, planned: Planned, rng: np.random.Generator) -> np.ndarray:
+        """Draw at random how far every stroke runs past both its ends: (C, 2) px.
+
+        Lengths differ from end to end with nothing in the shape to tell why, so each end is given
+        that of a training stroke. Where none is known, strokes end with their curves.
+        """
+        every = np.concatenate([self.first, self.last])
+        lengths = np.array([_length(planned, i) for i in range(len(planned))])
+        past = np.zeros((len(planned), 2))
+        for k, known in enumerate((self.first, self.last)):
+            known = known if len(known) >= FEW else every
+            if len(known):
+                past[:, k] = rng.choice(known, len(planned))
+        limits = np.outer(lengths, [-MAX_SHORT_SHARE, MAX_OVERSHOOT_SHARE])
+        return np.clip(past, limits[:, :1], limits[:, 1:])
+
+
+def _length(planned: Planned, i: int) -> float:
+    """The length of the curve of stroke i, px."""
+    a, b = planned.offsets[i], planned.offsets[i + 1]
+    return float(arc(planned.xy[a:b][planned.on_curve[a:b]])[-1])
