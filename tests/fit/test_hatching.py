@@ -118,6 +118,12 @@ def test_what_is_no_hatching(name):
     assert found.blots.sum() < 0.05 * mask.sum()
 
 
+def test_a_broad_stump_is_no_hatching():
+    """The end of a broad line goes straight on in some directions, beside itself."""
+    lines = [BODY, [[128, 150], [128, 170]], [[120, 190], [136, 200]]]
+    assert not sorted_of(inked(lines, 14.0), [BODY]).hatching.any()
+
+
 def test_grain_and_dust_are_no_hatching():
     noise = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=(SIZE, SIZE)), 1.0)
     grain = noise / noise.std()

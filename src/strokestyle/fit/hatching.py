@@ -252,7 +252,8 @@ def find_hatching(ink: np.ndarray) -> np.ndarray:
         core[k][points] = (beside + 1 >= STROKES) & ~ruled
     for _ in range(OUTERMOST):
         core = _with_outermost(core, runs, ink, GAP * scale)
-    return _whole_strokes(np.asarray(core.any(axis=0)), ink, GAP * scale)
+    whole = _whole_strokes(np.asarray(core.any(axis=0)), ink, GAP * scale)
+    return _large_patches(whole, GAP * scale, STROKES * shortest * width)
 
 
 def _way(k: int) -> np.ndarray:
@@ -342,6 +343,14 @@ def _with_outermost(core: np.ndarray, runs: np.ndarray, ink: np.ndarray, gap: fl
         if len(points[0]) and near.any():
             out[k][points] = _beside(near, ink, points, k, gap, gap + WIDTH) > 0
     return out
+
+
+def _large_patches(found: np.ndarray, gap: float, least: float) -> np.ndarray:
+    """Hatching (H, W) bool whose strokes have `least` px of area with those within `gap` px."""
+    if not found.any():
+        return found
+    label, _ = ndimage.label(ndimage.distance_transform_edt(~found) <= 0.5 * gap, np.ones((3, 3)))
+    return found & (np.bincount(label.ravel(), found.ravel()) >= least)[label]
 
 
 def _whole_strokes(core: np.ndarray, ink: np.ndarray, gap: float) -> np.ndarray:
