@@ -97,6 +97,18 @@ def test_grain_is_closed_and_clean_ink_is_not():
     assert np.abs(ex.stroke_mask(thin) - thin).mean() < 0.003
 
 
+def test_paper_between_crossing_lines_is_no_grain():
+    x, y = np.meshgrid(np.arange(SIZE) + 0.5, np.arange(SIZE) + 0.5)
+    apart = np.minimum(np.abs((x - 4) % 8 - 4), np.abs((y - 4) % 8 - 4))
+    inside = (np.abs(x - 80) < 50) & (np.abs(y - 80) < 50)
+    coverage = (np.clip(2.5 - apart, 0, 1) * inside).astype(np.float32)
+    mask = ex.stroke_mask(coverage)
+    assert np.abs(mask - coverage)[inside].mean() < 0.03
+    # in grainy ink the same lines are closed
+    grainy = coverage * (np.random.default_rng(0).random(coverage.shape) < 0.45)
+    assert ex.stroke_mask(grainy.astype(np.float32))[coverage > 0.99].mean() > 0.85
+
+
 def test_any_size_keeps_the_registration(tmp_path):
     coverage, points = ring(width=18, radius=240, centre=(384, 384), shape=(768, 768))
     path = save(tmp_path / "d.png", on_paper(coverage, (0, 0, 0), (1, 1, 1)))

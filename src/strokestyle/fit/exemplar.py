@@ -44,6 +44,8 @@ GRAIN_SIGMAS = (0.0, 0.7, 1.0, 1.4, 1.8, 2.3, 2.8)  # px; blurs tried, until the
 CUT = 0.33  # of the local peak: near the extent that the eye takes for the stroke, wider than half
 FULL = 0.9  # of the local peak: where clean ink, which is not blurred, is all stroke
 PEAK_SIZE, PEAK_SIGMA, MIN_PEAK = 17, 4.0, 0.1  # px, px, opacity: of the local peak
+# mean share of the local peak by which ink deep in a stroke differs from it: clean below this; and
+EVEN, MIN_DEEP = 0.03, 0.2  # the share of the ink that must lie deep for that to be told
 MAX_LITTER, SPECK = 0.004, 40  # share of the mask's area, and px of area, see _litter
 BLOT, MIN_BLOT = 0.25, 8.0  # of the mask, and px of area: less ink than that is no stroke
 
@@ -354,11 +356,12 @@ def _ink_over(
 def stroke_mask(alpha: np.ndarray) -> np.ndarray:
     """Opacity (H, W) -> soft mask (H, W) of what the strokes cover, holes of the grain closed.
 
-    Clean ink needs no closing and its anti-aliased edges are kept as they are. A grainy medium is
-    blurred by the least of GRAIN_SIGMAS that leaves few specks and pinholes, then cut at CUT of its
-    local peak, one pixel soft.
+    Clean ink, which leaves few specks and pinholes or is all of one opacity, needs no closing, and
+    its anti-aliased edges are kept as they are. A grainy medium is blurred by the least of
+    GRAIN_SIGMAS that leaves few specks and pinholes, then cut at CUT of its local peak, one pixel
+    soft.
     """
-    for sigma in GRAIN_SIGMAS:
+    for sigma in (0.0,) if _unevenness(alpha) < EVEN else GRAIN_SIGMAS:
         smooth = ndimage.gaussian_filter(alpha, sigma) if sigma else alpha
         peak = _local_peak(alpha, max(sigma, 0.5))
         if _litter(smooth > CUT * peak) < MAX_LITTER:
@@ -379,6 +382,20 @@ def _local_peak(alpha: np.ndarray, sigma: float) -> np.ndarray:
     """The highest opacity (H, W) around every pixel, after a blur of `sigma` px."""
     peak = ndimage.maximum_filter(ndimage.gaussian_filter(alpha, sigma), size=PEAK_SIZE)
     return np.maximum(ndimage.gaussian_filter(peak, PEAK_SIGMA), MIN_PEAK)
+
+
+def _unevenness(alpha: np.ndarray) -> float:
+    """How far ink (H, W) that has ink all around it differs from its local peak, as a share of it.
+
+    The paper between crossing lines, and short dashes, are as small as grain; but the ink of a
+    grainy medium is uneven. 1 where hardly any ink lies that deep, so that nothing can be told.
+    """
+    peak = _local_peak(alpha, 0.5)
+    inside = alpha > CUT * peak
+    deep = ndimage.binary_erosion(inside, np.ones((3, 3)))
+    if deep.sum() < MIN_DEEP * max(int(inside.sum()), 1):
+        return 1.0
+    return float(np.abs(alpha / peak - 1)[deep].mean())
 
 
 def _litter(inside: np.ndarray) -> float:
