@@ -237,3 +237,20 @@ def test_values_are_carried_from_the_curves():
 def test_the_zoo_stays_finite(lines):
     planned = plan_strokes(Curves.from_list(lines), max_overshoot=10)
     assert np.isfinite(planned.xy).all() and len(planned.offsets) == len(planned.kind) + 1
+
+
+def test_a_curve_is_cut_where_the_polyline_that_stays_near_it_has_corners():
+    angle = np.linspace(0.0, 4.0, 134)
+    ring = 200 + 100 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    whole = plan_strokes(Curves.from_list([ring], [0]), join_gap=0.0)
+    assert len(whole) == 1
+    for tolerance in (2.0, 6.0, 12.0):
+        cut = plan_strokes(Curves.from_list([ring], [0]), join_gap=0.0, cut_tolerance=tolerance)
+        ends = set()
+        for a, b in zip(cut.offsets[:-1], cut.offsets[1:], strict=True):
+            line = cut.xy[a:b]
+            chord = (line[-1] - line[0]) / np.hypot(*(line[-1] - line[0]))
+            assert np.abs((line - line[0]) @ [-chord[1], chord[0]]).max() < tolerance + 0.5
+            ends |= {tuple(line[0].round(6)), tuple(line[-1].round(6))}
+        assert len(ends) == len(cut) + 1  # each ends where the next begins
+        assert len(cut) >= 400 / np.sqrt(8 * 100 * (tolerance + 0.5))  # chords of such a sagitta
