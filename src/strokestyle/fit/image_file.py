@@ -149,8 +149,9 @@ def _scanned_by_pillow(
             notes = (f"the first of its {pictures} pictures is read",)
         size = image.size
         check_size(*size)
-        if image.format == "JPEG" and view and (factor := _factor(size, view)) > 1:
-            image.draft(image.mode, (size[0] // factor, size[1] // factor))
+        halved = _factor(size, view) & -_factor(size, view)  # the power of 2 in it
+        if image.format == "JPEG" and halved > 1:
+            image.draft(image.mode, (size[0] // halved, size[1] // halved))
         image.load()
         return _laid_open(replace(of_pillow(image), notes=notes), size, view)
 
