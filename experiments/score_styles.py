@@ -49,6 +49,11 @@ def main():
     parser.add_argument("--styles", help="comma-separated; all by default")
     parser.add_argument("--train", default="spot")
     parser.add_argument(
+        "--drawings",
+        type=Path,
+        help="folder of <style>/<train>/drawing.jpg, of photograph.py, to learn from instead",
+    )
+    parser.add_argument(
         "--own-lines", action="store_true", help="our own feature curves instead of curves.json"
     )
     parser.add_argument("--seed", type=int, default=0)
@@ -76,8 +81,11 @@ def main():
         row = {"style": name, "preset": args.preset}
         if not model.exists():
             train = view(args.train)
+            source = shared / "styles" / name / args.train / "drawing.png"
+            if args.drawings:
+                source = args.drawings / name / args.train / "drawing.jpg"
             exemplar, _ = load_exemplar(
-                shared / "styles" / name / args.train / "drawing.png",
+                source,
                 train.camera.width,
                 train.camera.height,
                 train.curves.xy,

@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from .ground import ground_field, printed_lines
 from .image_file import Scan, read_image
 from .layout import Placing, lay, sheet_placings, whole_placings
+from .pencil import pencil_lines
 from .registration import Homography, Registration, register
 from .sheet import Sheet, find_sheet
 
@@ -180,8 +181,23 @@ def _laid(file: Scan, placing: Placing, name: str, curve_points: np.ndarray) -> 
     if registration.moved is not None:
         placing = replace(placing, map=registration.moved.after(placing.map))
         exemplar = separate(lay(file, placing), file.transparent, name)
-    exemplar = replace(exemplar, registration=registration)
+    exemplar = _without_pencil(replace(exemplar, registration=registration), curve_points)
     return _Laid(placing, exemplar, agree(exemplar, curve_points))
+
+
+def _without_pencil(exemplar: Exemplar, curve_points: np.ndarray) -> Exemplar:
+    """The exemplar in ink alone, where pencil lies under it."""
+    pencil = pencil_lines(exemplar.alpha, exemplar.mask, curve_points)
+    if pencil is None:
+        return exemplar
+    alpha = np.where(pencil, 0.0, exemplar.alpha)
+    return replace(
+        exemplar,
+        alpha=alpha,
+        rgb=alpha[..., None] * exemplar.ink + (1.0 - alpha[..., None]),
+        mask=stroke_mask(alpha),
+        notes=(*exemplar.notes, "pencil under the ink was left out"),
+    )
 
 
 def _placed(
