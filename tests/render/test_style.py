@@ -5,6 +5,7 @@ from dataclasses import asdict, fields, replace
 import numpy as np
 import pytest
 import torch
+from known_law import level, planned
 from scipy import ndimage
 from small_styles import plain_style
 
@@ -21,7 +22,7 @@ from strokestyle.render.displacement import DEFORMATIONS
 from strokestyle.render.features import FEATURES, NIB_ANGLES, FeatureScaling
 from strokestyle.render.networks import AdditiveNet
 from strokestyle.render.residuals import Residuals
-from strokestyle.render.style import Style, SumOfCurves, trim_invisible_ends
+from strokestyle.render.style import Style, SumOfCurves, trim_invisible_ends, without_hairs
 from strokestyle.render.style_file import load_style, save_style
 from strokestyle.render.texture_bank import OWN_REGRESSORS, TextureBank
 
@@ -396,3 +397,14 @@ def test_a_model_of_another_version_is_refused_by_name(tmp_path):
     write_model(tmp_path / "broken.pt", broken)
     with pytest.raises(ValueError, match=r"broken.pt: a damaged strokestyle model.*hand"):
         load_style(tmp_path / "broken.pt")
+
+
+def test_what_overshoots_as_a_hair_is_left_out():
+    """A thickness of 0.8 px past the end of a thick stroke is none; of a thin one it is its own."""
+    strokes = planned(level(40, 30, 90), level(80, 30, 90), past=2)
+    thick = np.where(strokes.on_curve, 10.0, 0.8)
+    thick[strokes.offsets[1] :] = np.where(strokes.on_curve, 2.0, 0.8)[strokes.offsets[1] :]
+    left = without_hairs(thick, strokes)
+    first = np.arange(len(left)) < strokes.offsets[1]
+    assert (left[first & ~strokes.on_curve] == 0).all() and (left[~first] == thick[~first]).all()
+    assert (left[strokes.on_curve] == thick[strokes.on_curve]).all()

@@ -20,13 +20,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.curves import arc_length, owner
-from ..render.displacement import DEFORMATIONS, across_strokes
+from ..extract.view import View
+from ..geometry.curves import Curves, arc_length, owner
+from ..render.config import StyleConfig
+from ..render.displacement import DEFORMATIONS, across_strokes, deformations_of
+from ..render.features import plan, surface_at
 from ..render.plan import Planned
-from .correspond import InkField, Matches, match
+from .correspond import InkField, Matches, match, runs_across
+from .ends import slide_ends
 
 REACHES = (24.0, 20.0, 16.0, 12.0)  # px at 768, within which ink is looked for, in turn
 LAST_REACHES = (12.0, 12.0)  # and once it is known which manner there is
+MIN_SCALE = 0.4  # px for one at 768 at least: on a small canvas pens are not made as small
 FITS = 4  # of the model for every matching
 
 # The warp of the picture, and the strokes' own. Set by hand; no ablation is kept.
@@ -34,6 +39,7 @@ WARP_SCALE = 0.22  # of the longer side: the length over which the warp is alike
 WARP_STEP = 0.8  # of that length: between the points by which the warp is told
 AFFINE = 2.0  # times the prior of the warp: that of its affine part, at the picture's edge
 OWN_SCALE = 60.0  # px at 768 along a stroke over which its own displacement is alike
+HELD = 1.0  # precision, of that of its prior, with which a stroke is held from moving lengthwise
 LEAST_OWN = 0.03  # of the strongest cosine: a weaker one is left out
 MANNER = 1.0, 4.0  # prior deviation of the manner: of full strength, and of inflation, px
 NEVER = 1e-4  # the same, of a deformation that may not be used
@@ -55,6 +61,8 @@ FAMILIES = np.array(
 FOLDS = 5  # strokes are held out by their number modulo this
 SURE = 2.0  # standard errors that the strokes' gains must be above nothing
 MIN_GAIN = 3.0  # of log likelihood, of all strokes together
+NEAR = 2.5  # px at 768 that a point of a stroke may lie beside its ink
+BARE = 3.0  # px at 768 to either side of a point without ink, for a stroke to end there
 MIN_MATCHES = 30  # points with ink, below which nothing is moved
 
 
@@ -66,7 +74,8 @@ class Alignment:
     ----------
     warp : (N, 2) px, from the planned points by the warp of the picture
     own : (N, 2) px, by the strokes' own displacement
-    explained : (N,) bool, where a point so moved, and moved by the manner, lies on ink of its own
+    explained : (N,) bool, where a point so moved, and moved by the manner, lies on ink of its own;
+        also past the end of its curve
     manner : (M,) of DEFORMATIONS, as estimated with them
     deviation : (M,) its standard deviation: large where the drawing cannot tell it from the others
     free : (M,) bool, the deformations that the drawing shows
@@ -99,15 +108,16 @@ def align(
     deformations : (N, M, 2) px, what each of DEFORMATIONS does to a point
     spacing : px between points
     """
-    scale = max(mask.shape) / 768.0
+    scale = max(max(mask.shape) / 768.0, MIN_SCALE)
     model, ink = _Model.of(planned, deformations, scale), InkField.of(mask)
-    state, nothing = _State.first(model), np.zeros(len(DEFORMATIONS), bool)
+    state = _State.first(model)
     for k, reach in enumerate((*REACHES, *LAST_REACHES)):
         moved = planned.xy + model.moved(state)
         normals = across_strokes(moved, planned.offsets, spacing)
         matches = _match(ink, moved, normals, planned, spacing, reach * scale)
         if matches.found.sum() < MIN_MATCHES:
-            return _alignment(model, replace(_State.first(model), free=nothing), matches)
+            state = replace(_State.first(model), free=np.zeros(len(DEFORMATIONS), bool))
+            break
         away = ((moved - planned.xy) * normals).sum(axis=1) + np.nan_to_num(matches.offset)
         seen = np.flatnonzero(matches.found)
         columns = _Columns.of(model, seen, normals[seen])
@@ -115,7 +125,36 @@ def align(
             state = columns.fitted(away[seen], state)
         if k == len(REACHES) - 1:
             state = replace(state, free=columns.choose_manner(away[seen], state))
-    return _alignment(model, state, matches)
+    return _alignment(model, state, ink, planned, spacing, scale)
+
+
+def aligned_curves(view: View, mask: np.ndarray, config: StyleConfig) -> Curves:
+    """Lay the curves of a view where a drawing has them, (H, W) mask, 1 = ink.
+
+    `config` says how strokes are planned; curves that are in no stroke stay where they are.
+    """
+    curves, planned = view.curves, plan(view, config)
+    if not len(planned):
+        return curves
+    surface = planned.carry(surface_at(view, config.spacing))
+    found = align(
+        mask, planned, deformations_of(planned, surface[:, 3:], config.spacing), config.spacing
+    )
+    total, count = np.zeros((len(curves.xy), 2)), np.zeros(len(curves.xy))
+    for side in (0, 1):  # of the two rows that a point lies between, each takes its share
+        weight = np.where(planned.on_curve, np.abs(1.0 - side - planned.mix), 0.0)
+        rows = planned.source[:, side]
+        np.add.at(count, rows, weight)
+        np.add.at(total, rows, weight[:, None] * found.shift)
+    known = count > 1e-6
+    for_all = np.arange(len(curves.xy), dtype=np.float64)
+    shift = np.zeros_like(total)
+    for a, b in zip(curves.offsets[:-1], curves.offsets[1:], strict=True):
+        near = np.flatnonzero(known[a:b]) + a
+        if len(near):
+            mean = total[near] / count[near, None]
+            shift[a:b] = np.stack([np.interp(for_all[a:b], near, c) for c in mean.T], axis=1)
+    return replace(curves, xy=curves.xy + shift)
 
 
 def _match(
@@ -138,19 +177,32 @@ def _match(
     return Matches(*columns)
 
 
-def _alignment(model: _Model, state: _State, matches: Matches) -> Alignment:
-    explained = matches.found & (
-        np.abs(np.nan_to_num(matches.offset)) < 0.5 * matches.thickness + 2.0 * state.noise
-    )
-    return Alignment(
-        model.warp @ state.warp,
-        model.own_moved(state.own),
-        explained,
-        state.manner,
-        state.deviation,
-        state.free,
-        state.noise,
-    )
+def _alignment(
+    model: _Model, state: _State, ink: InkField, planned: Planned, spacing: float, scale: float
+) -> Alignment:
+    """What was found, with the strokes' ends slid to where their ink ends."""
+    warp, own = model.warp @ state.warp, model.own_moved(state.own)
+    manner = (model.manner * state.manner[:, None]).sum(axis=1)
+    xy = planned.xy + warp + own
+
+    def explained() -> np.ndarray:
+        normals = across_strokes(xy + manner, planned.offsets, spacing)
+        reach = REACHES[-1] * scale
+        matches = match(ink, xy + manner, normals, planned.offsets, spacing, reach)
+        near = 0.5 * matches.thickness + max(2.0 * state.noise, NEAR * scale)
+        return matches.found & (np.abs(np.nan_to_num(matches.offset)) < near)
+
+    found = explained()
+    if found.any():
+        normals = across_strokes(planned.xy, planned.offsets, spacing)
+        off = ((warp + own) * normals).sum(axis=1)[found & planned.on_curve]
+        rms = float(np.sqrt(np.mean(off**2))) if len(off) else 0.0
+        runs = runs_across(ink, xy + manner, normals, REACHES[-1] * scale)
+        bare = np.abs(runs.offset[:, 0]) - 0.5 * runs.thickness[:, 0] > BARE * scale
+        slid = slide_ends(xy, found, bare, planned, rms, spacing, scale)
+        own, xy = own + slid - xy, slid
+        found = explained()
+    return Alignment(warp, own, found, state.manner, state.deviation, state.free, state.noise)
 
 
 # ------------------------------------------------------------------------------------- the model
@@ -285,13 +337,14 @@ class _Columns:
     Parameters
     ----------
     shared : (n, M + 2 Q), manner, and the warp in x and in y
-    own : (n, 2 K), in x and in y
+    own, along : (n, 2 K), in x and in y, across the strokes and along them
     manner : M
     pieces : (C + 1,), the observed points of stroke i are rows pieces[i]:pieces[i+1]
     """
 
     shared: np.ndarray
     own: np.ndarray
+    along: np.ndarray
     manner: int
     pieces: np.ndarray
 
@@ -304,6 +357,7 @@ class _Columns:
         return cls(
             np.concatenate([manner, x * warp, y * warp], axis=1),
             np.concatenate([x * own, y * own], axis=1),
+            np.concatenate([y * own, -x * own], axis=1),
             manner.shape[1],
             np.searchsorted(rows, model.offsets),
         )
@@ -314,10 +368,12 @@ class _Columns:
         prior = state.shared_prior(self.shared.shape[1])
         covariance = np.linalg.inv(sum(one.gram for one in strokes) + np.diag(prior**-2.0))
         shared = covariance @ sum(one.moment for one in strokes)
-        own, spread = np.zeros((len(self.pieces) - 1, self.own.shape[1])), 0.0
+        own = np.zeros((len(self.pieces) - 1, self.own.shape[1]))
+        spread, power = 0.0, 0.0
         for one in strokes:
             own[one.stroke, one.used] = one.mean - one.solved @ shared
-            spread += np.trace(one.inverse) + ((one.solved @ covariance) * one.solved).sum()
+            spread += one.spread(covariance)
+            power += own[one.stroke, one.used] @ one.prior @ own[one.stroke, one.used]
         manner, warp = slice(None, self.manner), slice(self.manner, None)
         misfit = away - self.shared @ shared - self._own_at(own)
         noise = np.sqrt((weight * misfit**2).mean())
@@ -327,8 +383,13 @@ class _Columns:
             deviation=np.sqrt(np.diag(covariance)[manner]),
             warp=shared[warp].reshape(2, -1).T,
             own=own.reshape(len(own), 2, -1).transpose(0, 2, 1),
-            warp_prior=_prior(shared[warp], np.trace(covariance[warp, warp]), state.warp_prior),
-            own_prior=_prior(own, spread, state.own_prior, sum(len(one.used) for one in strokes)),
+            warp_prior=_prior(
+                (shared[warp] ** 2).sum(),
+                np.trace(covariance[warp, warp]),
+                state.warp_prior,
+                len(shared) - self.manner,
+            ),
+            own_prior=_prior(power, spread, state.own_prior, sum(len(one.used) for one in strokes)),
             noise=float(max(noise, LEAST_NOISE)),
         )
 
@@ -385,7 +446,8 @@ class _Columns:
         out = []
         for stroke, (a, b) in enumerate(zip(self.pieces[:-1], self.pieces[1:], strict=True)):
             if a < b:
-                rows = self.own[a:b], self.shared[a:b], away[a:b], precision[a:b]
+                columns = self.own[a:b], self.along[a:b], self.shared[a:b]
+                rows = *columns, away[a:b], precision[a:b]
                 out.append(_Stroke.of(stroke, *rows, state.own_prior))
         return weight, out
 
@@ -398,6 +460,7 @@ class _Stroke:
     ----------
     stroke : its number
     used : (u,) its columns
+    prior : (u, u) precision of their prior, for a deviation of 1
     inverse : (u, u) of their normal equations
     solved : (u, P) inverse @ what they share with the columns that are shared
     mean : (u,) its own where nothing is shared
@@ -407,6 +470,7 @@ class _Stroke:
 
     stroke: int
     used: np.ndarray
+    prior: np.ndarray
     inverse: np.ndarray
     solved: np.ndarray
     mean: np.ndarray
@@ -419,6 +483,7 @@ class _Stroke:
         cls,
         stroke: int,
         own: np.ndarray,
+        along: np.ndarray,
         shared: np.ndarray,
         away: np.ndarray,
         precision: np.ndarray,
@@ -426,14 +491,17 @@ class _Stroke:
     ) -> _Stroke:
         """From the rows of one stroke, and the prior of its own."""
         used = np.flatnonzero(np.abs(own).max(axis=0) > 0)
-        own = own[:, used]
+        own, along = own[:, used], along[:, used]
         weighted, sharing = own * precision[:, None], shared * precision[:, None]
-        inverse = np.linalg.inv(weighted.T @ own + np.eye(len(used)) / prior**2)
+        # nothing is seen of what moves along the stroke: it is held back
+        shape = np.eye(len(used)) + HELD / ALIKE * along.T @ along
+        inverse = np.linalg.inv(weighted.T @ own + shape / prior**2)
         cross, at = weighted.T @ shared, weighted.T @ away
         solved, mean = inverse @ cross, inverse @ at
         return cls(
             stroke,
             used,
+            shape,
             inverse,
             solved,
             mean,
@@ -441,6 +509,11 @@ class _Stroke:
             sharing.T @ away - cross.T @ mean,
             float((precision * away**2).sum() - at @ mean),
         )
+
+    def spread(self, covariance: np.ndarray) -> float:
+        """The posterior variance of its own, in units of its prior's precision, (P, P) given."""
+        own = self.inverse + self.solved @ covariance @ self.solved.T
+        return float((own * self.prior).sum())
 
     def likelihood(self, shared: np.ndarray) -> float:
         """The logarithm of how likely its offsets are, but for a constant."""
@@ -458,11 +531,10 @@ def _flat(state: _State) -> tuple[np.ndarray, np.ndarray]:
     return np.r_[state.manner, state.warp.T.ravel()], own.reshape(len(own), -1)
 
 
-def _prior(answer: np.ndarray, spread: float, prior: float, count: int | None = None) -> float:
-    """MacKay's estimate of a prior deviation: answers' squares for each that the data determine.
+def _prior(power: float, spread: float, prior: float, count: int) -> float:
+    """MacKay's estimate of a prior deviation, px, of so many columns.
 
-    `spread` is the sum of their posterior variances, `count` how many they are.
+    `power` is the sum of their squares and `spread` that of their posterior variances.
     """
-    count = answer.size if count is None else count
     known = max(count - spread / prior**2, 1e-6 * count)
-    return float(np.clip(np.sqrt((answer**2).sum() / known), *PRIORS))
+    return float(np.clip(np.sqrt(power / known), *PRIORS))

@@ -11,6 +11,8 @@ from scipy.spatial import cKDTree
 from ..extract.view import View
 from ..geometry.curves import Curves, arc_length, owner, tangents
 from ..render.choice import ALL_DRAWN, LineChoice, chosen_points, learn_choice, without_short_runs
+from ..render.config import StyleConfig
+from .align import aligned_curves
 from .observe import sample_image
 
 REFERENCE = 768.0  # px, the longer side of the canvas that lengths are given for
@@ -103,7 +105,7 @@ def learn_lines(view: View, mask: np.ndarray) -> DrawnLines:
     expected = np.ones(len(curves.xy), bool)
     if view.optional is not None:
         expected = ~view.optional[owner(curves.offsets)]
-    drawn = find_drawn(curves, mask)
+    drawn = find_drawn(aligned_curves(view, mask, StyleConfig(size=max(mask.shape))), mask)
     if not drawn.any() or drawn.mean() < MIN_DRAWN:
         drawn = expected  # where hardly anything lies on a line, that is no choice of lines
     elif (expected & drawn).sum() >= ALL_DRAWN * expected.sum():

@@ -18,6 +18,7 @@ from .observe import INK_LEVEL, PROBE_STEP, sample_image
 
 # Costs are logarithms of probabilities, up to a constant. Set by hand; no ablation is kept.
 RUNS = 4  # nearest runs of ink that are looked at across a point
+WHOLE = 2.0  # times the mean thickness that is looked at beyond the reach
 NOTHING = 2.0  # cost of a point that has no ink
 FROM_NOTHING = 1.5  # cost of a stroke's ink to begin, or to end
 ACROSS = 3.0  # cost of ink that runs at right angles to the stroke
@@ -39,17 +40,19 @@ class InkField:
     ----------
     mask : (H, W) float, 1 = ink
     heading : (2, H, W) float, cosine and sine of twice the ink's angle, as long as it is sure
+    thickness : px, of its strokes in the mean
     """
 
     mask: np.ndarray
     heading: np.ndarray
+    thickness: float
 
     @classmethod
     def of(cls, mask: np.ndarray) -> InkField:
         """Measure the structure tensor of a mask (Bigun and Granlund 1987)."""
         inside = mask > INK_LEVEL
         edge = inside & ~ndimage.binary_erosion(inside)
-        half = inside.sum() / max(int(edge.sum()), 1)  # px of area a px of outline
+        half = float(inside.sum()) / max(int(edge.sum()), 1)  # px of area a px of outline
         smooth = ndimage.gaussian_filter(np.asarray(mask, np.float64), 1.0)
         dy, dx = np.gradient(smooth)
         sigma = max(2.0, half)
@@ -59,7 +62,7 @@ class InkField:
         )
         # ink runs at right angles to its gradient
         total = np.maximum(xx + yy, 1e-9)
-        return cls(mask, np.stack([(yy - xx) / total, -2 * xy / total]))
+        return cls(mask, np.stack([(yy - xx) / total, -2 * xy / total]), 2.0 * half)
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,8 @@ class Matches:
 
 def runs_across(ink: InkField, xy: np.ndarray, normals: np.ndarray, reach: float) -> Runs:
     """Find the runs of ink across points (N, 2), whose middles lie within `reach` px."""
-    q = np.arange(-1.5 * reach, 1.5 * reach + 0.5 * PROBE_STEP, PROBE_STEP)
+    far = reach + WHOLE * ink.thickness  # so that runs whose middle is within reach end in sight
+    q = np.arange(-far, far + 0.5 * PROBE_STEP, PROBE_STEP)
     profile = sample_image(ink.mask, xy[:, None] + q[None, :, None] * normals[:, None])
     inside = np.zeros((len(xy), len(q) + 2), np.int8)
     inside[:, 1:-1] = profile > INK_LEVEL

@@ -12,6 +12,8 @@ from torch.nn import functional as F
 
 from ..drawing.strokes import Strokes
 from ..extract.view import View
+from ..geometry.curves import arc_length, owner
+from ..render.choice import without_short_runs
 from ..render.config import HAIR, StyleConfig
 from ..render.devices import pick_device
 from ..render.displacement import Frame, across_strokes
@@ -47,6 +49,8 @@ OUTLIER = 0.5  # px of misfit beyond which an observation counts by its distance
 MIN_DEFORMATION = 0.3  # px rms, below which a deformation is not scaled up to compare with others
 WIDTH_OUTLIER = 0.2  # of log width: the same for the thickness
 CURVE_DECAY = 1e-3  # weight of the curves' squared weights
+TAKEN = 0.5  # of the mask, at a point that no ink was found for: what it holds is another stroke's
+MEETING = 30.0  # px along a stroke, where it only meets another
 UNSEEN_THICKNESS = 3.0  # px (with HAIR) to begin with where nothing is known
 
 
@@ -201,13 +205,17 @@ def fit_quick(
     training = training.aligned(alignment)
     ink = training.sorted_ink(exemplar.mask)
     measured = ink.believed(training.measured(ink.lines), training.planned.xy)
+    shown = sample_image(ink.lines, training.planned.xy)
+    taken = taken_ink(training.planned, alignment.explained, shown)
+    measured = disbelieved(measured, taken)
     # The law is learned twice. What is measured across the strokes is wrong where lines crowd, but
     # its law is a start from which the trace finds the right line; the law that is kept is
     # learned from the traced strokes.
     rough_law = learn_law(training, measured, alignment.free, config, seed, report)
-    traced = _trace(training, rough_law, ink.lines, config, report, checkpoint, until)
-    shown = sample_image(ink.lines, training.planned.xy)
+    start = thin_start(begin_past_ends(training, rough_law(training), ink.lines), taken)
+    traced = _trace(training, start, ink.lines, config, report, checkpoint, until)
     found, agrees = traced.observed(training.tensors, measured, shown)
+    found = disbelieved(found, taken)
     past, clear = pen_ends(training.planned, *traced.arrays(), ink.lines, style_config.spacing)
     training, rows = training.lifted(view, past, alignment.shift)
     traced, found, agrees = traced.part(rows), found.part(rows), agrees[rows]
@@ -326,19 +334,43 @@ def learn_thickness(
     return network
 
 
+def taken_ink(planned: Planned, explained: np.ndarray, ink: np.ndarray) -> np.ndarray:
+    """Where strokes lie on the ink of others, (N,) bool, for longer than where they meet.
+
+    Parameters
+    ----------
+    planned : strokes, N points
+    explained : (N,) bool, where a point lies on ink of its own
+    ink : (N,) the mask at the points
+    """
+    taken = planned.on_curve & ~explained & (ink > TAKEN)
+    along = arc_length(planned.xy, planned.offsets)
+    return without_short_runs(taken, owner(planned.offsets), along, True, MEETING)
+
+
+def disbelieved(observed: Observation, where: np.ndarray) -> Observation:
+    """The same observation, of which nothing is believed at points `where` (N,) bool."""
+    return replace(observed, confidence=np.where(where, 0.0, observed.confidence))
+
+
+def thin_start(start: Traced, where: np.ndarray) -> Traced:
+    """Begin without width at points `where` (N,) bool, to grow where the drawing has ink."""
+    thin = torch.as_tensor(where, device=start.log_width.device)
+    return replace(start, log_width=start.log_width.masked_fill(thin, float(np.log(HAIR))))
+
+
 def _trace(
     training: TrainingStrokes,
-    law: StrokeLaw,
+    start: Traced,
     mask: np.ndarray,
     config: FitConfig,
     report: Reporter,
     checkpoint: Checkpoint,
     until: float | None,
 ) -> Traced:
-    """Trace the drawing's strokes, beginning where the law has them, in as many steps as fit."""
+    """Trace the drawing's strokes from where they are begun, in as many steps as fit."""
     strokes = training.tensors
     target = MaskPyramid.of(mask, training.planned.xy, config.levels, strokes.xy.device)
-    start = begin_past_ends(training, law(training), mask)
 
     def affordable() -> int:
         if until is None:

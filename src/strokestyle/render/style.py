@@ -14,7 +14,7 @@ import numpy as np
 from ..drawing.edit import cut_at_parts
 from ..drawing.strokes import Drawing, Strokes, Texture
 from ..extract.view import View
-from ..geometry.curves import arc_length
+from ..geometry.curves import arc_length, owner
 from ..geometry.parts import Pieces
 from .choice import LineChoice, choose_lines
 from .config import HAIR, StyleConfig
@@ -26,6 +26,7 @@ from .quilt import synthesise
 from .residuals import Residuals, sample_residuals
 from .texture_bank import TextureBank
 
+THINNEST = 0.12  # of a stroke's greatest thickness: what overshoots and is thinner is none of it
 MIN_VISIBLE = 0.5  # px of thickness; a stroke's ends are trimmed to where it is thicker
 
 
@@ -140,7 +141,7 @@ class Style:
             rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
             residuals = sample_residuals(self.residuals, planned.offsets, rng)
             xy, log_width = xy + residuals[:, :1] * frame.normals, log_width + residuals[:, 1]
-        thickness = np.maximum(np.exp(log_width) - HAIR, 0.0)
+        thickness = without_hairs(np.maximum(np.exp(log_width) - HAIR, 0.0), planned)
         rows, offsets, kept = trim_invisible_ends(thickness, planned.offsets)
         open_ended = np.zeros(len(kept), bool)
         strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], open_ended)
@@ -182,6 +183,16 @@ def _pieces(view: View, planned: Planned, rows: np.ndarray, strokes: Strokes) ->
     step[~planned.on_curve[rows]] = 0.0
     parts = view.parts.take(planned.source[rows, 0])
     return parts.cut(strokes.offsets, np.cumsum(step))
+
+
+def without_hairs(thickness: np.ndarray, planned: Planned) -> np.ndarray:
+    """Leave out of thickness (N,) px, past the ends of curves, what is too thin to be a stroke's.
+
+    What is learned to stop with its curve does so by a curve of thickness, which may leave a little
+    past it: beside a thick stroke that shows as a hair.
+    """
+    fullest = np.maximum.reduceat(thickness, planned.offsets[:-1])[owner(planned.offsets)]
+    return np.where(planned.on_curve | (thickness > THINNEST * fullest), thickness, 0.0)
 
 
 def trim_invisible_ends(
