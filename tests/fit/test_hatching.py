@@ -100,7 +100,7 @@ NOT_HATCHING = {
     "parallel folds": ([BODY, *RINGS], [BODY, *RINGS]),
     "parallel folds, drawn 3 px beside": ([BODY, *RINGS], [BODY, *(r + [0, 3] for r in RINGS)]),
     "folds across": ([BODY, FOLD], [BODY, FOLD, *slanted(90, 150, 25, -20, 3, 9.0)]),
-    "ruled paper": ([BODY], [BODY, *([[0, y], [SIZE, y]] for y in range(5, 250, 12))]),
+    "ruled paper": ([BODY], [BODY, *([[0, y], [SIZE, y]] for y in range(5, 250, 9))]),
     "three strokes beside each other": ([BODY], [BODY, *slanted(90, 150, 25, -20, 3, 7.0)]),
     "a star": ([BODY], [BODY, *([[128, 128], arc_of((128, 128), 40, a, a + 1, 2)[0]]
                                 for a in range(0, 360, 40))]),

@@ -98,7 +98,7 @@ def fit(
 
     The drawing (PNG, JPEG, TIFF; .kra, .ora, .psd) is one made over the template of `strokestyle
     extract`, with the same view and line options. Beside the model OUT.pt a picture OUT.fit.png
-    shows drawing, mask, and what was learned of both.
+    shows the drawing, what of it was not learned from, and what was learned.
     """
     picture = str(Path(output).with_suffix(".fit.png"))
     check_outputs([output, picture], [drawing, shape])
