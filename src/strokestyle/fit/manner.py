@@ -31,7 +31,10 @@ SURE_CORNER = 110.0  # degrees: at a sharper one a pen is lifted, whatever is se
 
 # What speaks for a lift is a logarithm of odds, as if every end told something of its own
 FALSE_SHOT = 0.05  # chance that ink is followed where there is no end
-FEWEST_SHOTS, MOST_SHOTS = 0.1, 0.9  # chances of an overshoot at an end that are believed
+HABITUAL, MOST_SHOTS = (
+    0.35,
+    0.9,
+)  # chances of an overshoot at an end from, and up to, which it tells
 NEAR, FAR = slice(2, 5), slice(6, 13)  # points from an end: the thickness here against there
 MIN_TAPER_SPREAD = 0.15  # of its logarithm
 FEWEST_TAPERS = 4
@@ -39,9 +42,11 @@ MOVED_SIGMA = 15.0  # px, Gaussian along a line of where it is moved to
 LEAST_WIDTH, BARE_INK = 0.3, 0.2  # px, for where there is no ink; of the mask: there is none
 CALM_TURN, CALM_STEP = 15.0, 4  # degrees; points between two looks at a calm line
 MAX_EVIDENCE = 2.5  # of one thing at one corner
+MIN_GAIN = 2.0  # of evidence, without which the setting stays
 DOUBT = 0.1  # of evidence, for each degree that the least corner is away from the setting
 CUT_DOUBT = 6.0  # of evidence, for lifts at the corners of a polyline
 CUT_SHOTS = 0.6  # chance of an overshoot there
+MOST_CORNERS = 0.5  # of a polyline's corners, that ink must run past
 LEAST_COVERED = 0.6  # of its sides that ink lies on
 
 
@@ -65,7 +70,8 @@ def learn_manner(view: View, mask: np.ndarray, config: StyleConfig) -> StyleConf
     corner_angle = _least_corner(ends, lines.through(), config.corner_angle)
     tolerance, past = _cut_tolerance(lines, corner_angle)
     past = np.r_[past, [end.past for end in ends if end.turn > corner_angle and end.clear]]
-    reach = np.percentile(past, REACH_SHARE) + REACH_MARGIN if len(past) else 0.0
+    habit = len(past) > 0 and np.mean(past > 0) >= HABITUAL
+    reach = np.percentile(past, REACH_SHARE) + REACH_MARGIN if habit else 0.0
     return replace(
         config,
         corner_angle=config.corner_angle if tolerance else corner_angle,
@@ -204,15 +210,17 @@ def _least_corner(ends: list[_End], through: np.ndarray, setting: float) -> floa
         evidence[degrees > angle].sum() - DOUBT * abs(angle - setting) for angle in CORNER_ANGLES
     ]
     kept = evidence[degrees > setting].sum()
-    return float(CORNER_ANGLES[int(np.argmax(gain))]) if max(gain) > kept else setting
+    return float(CORNER_ANGLES[int(np.argmax(gain))]) if max(gain) > kept + MIN_GAIN else setting
 
 
 def _evidence(ends: list[_End], through: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How much speaks for a lift at each corner (K,), and by how much it turns, degrees (K,)."""
     sure = [end for end in ends if end.turn > SURE_CORNER]
     told = [end.shot for end in sure if end.clear]
-    chance = np.clip((sum(told) + 1) / (len(told) + 2), FEWEST_SHOTS, MOST_SHOTS)
+    chance = min((sum(told) + 1) / (len(told) + 2), MOST_SHOTS)
     shot, no_shot = np.log(chance / FALSE_SHOT), np.log((1 - chance) / (1 - FALSE_SHOT))
+    if chance < HABITUAL:  # ink that is seen past a corner now and then is as likely another line's
+        shot = no_shot = 0.0
     ended = _spread(np.array([end.taper for end in sure]))
     passed = _spread(through) or (0.0, MIN_TAPER_SPREAD)  # amid a line it is about as thick
     found: dict[int, float] = {}
@@ -223,7 +231,10 @@ def _evidence(ends: list[_End], through: np.ndarray) -> tuple[np.ndarray, np.nda
         degrees[end.corner] = end.turn
         for_lift = (shot if end.shot else no_shot) if end.clear else 0.0
         if np.isfinite(end.taper) and ended:
-            odds = _log_density(end.taper, *ended) - _log_density(end.taper, *passed)
+            # of one spread: what is far from both speaks for neither
+            spread = max(ended[1], passed[1])
+            off = np.array([end.taper - passed[0], end.taper - ended[0]]) / spread
+            odds = 0.5 * (off[0] ** 2 - off[1] ** 2)
             for_lift += float(np.clip(odds, -MAX_EVIDENCE, MAX_EVIDENCE))
         found[end.corner] = found.get(end.corner, 0.0) + for_lift
     return np.array(list(found.values())), np.array(list(degrees.values()))
@@ -236,10 +247,6 @@ def _spread(values: np.ndarray) -> tuple[float, float] | None:
         return None
     middle = float(np.median(known))
     return middle, max(1.4826 * float(np.median(np.abs(known - middle))), MIN_TAPER_SPREAD)
-
-
-def _log_density(value: float, middle: float, spread: float) -> float:
-    return -np.log(spread) - 0.5 * ((value - middle) / spread) ** 2
 
 
 # ---------------------------------------------------------------------------------- straight pieces
@@ -258,6 +265,8 @@ def _cut_tolerance(lines: _Lines, least_corner: float) -> tuple[float, np.ndarra
         probes = probe_ends(pieces, lines.mask, lines.thickness, REACH, lines.spacing, others)
         told = probes.clear & inner
         shot = probes.past[told] > 0
+        if not shot.any() or shot.mean() < MOST_CORNERS:
+            continue
         odds = np.where(shot, CUT_SHOTS / FALSE_SHOT, (1 - CUT_SHOTS) / (1 - FALSE_SHOT))
         covered = float((sample_image(lines.mask, np.concatenate(pieces)) > INK_LEVEL).mean())
         if np.log(odds).sum() > CUT_DOUBT and covered > max(best, LEAST_COVERED):
