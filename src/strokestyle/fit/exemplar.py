@@ -254,14 +254,28 @@ def _best(tried: list[_Screened]) -> _Screened:
     return best
 
 
+def _reduced(file: Scan, every: int) -> Scan:
+    """A file's pixels averaged over squares of `every` x `every` px."""
+    if every == 1:
+        return file
+    h, w = (side // every * every for side in file.rgba.shape[:2])
+    squares = file.rgba[:h, :w].reshape(h // every, every, w // every, every, 4)
+    return replace(file, rgba=squares.mean(axis=(1, 3)))
+
+
 def _screened(file: Scan, placing: Placing, name: str, curve_points: np.ndarray) -> _Screened:
     """Try a layout on a small picture."""
     size = np.array(placing.map.size)
     small = np.rint(size * min(1.0, SCREEN / size.max()))
-    matrix = np.diag([*(small / size), 1.0]) @ placing.map.matrix
-    shrunk = replace(placing, map=Homography(matrix, (float(small[0]), float(small[1]))))
+    every = max(1, int(min(file.rgba.shape[:2]) / (2 * SCREEN)))
+    matrix = np.diag([*(small / size), 1.0]) @ placing.map.matrix @ np.diag([every, every, 1.0])
+    shrunk = replace(
+        placing,
+        map=Homography(matrix, (float(small[0]), float(small[1]))),
+        sheet=None if placing.sheet is None else placing.sheet / every,
+    )
     try:
-        laid = _laid(file, shrunk, name, curve_points * small / size)
+        laid = _laid(_reduced(file, every), shrunk, name, curve_points * small / size)
     except ValueError:
         return _Screened(placing, NO_DRAWING)
     return _Screened(placing, laid.agreement.far_ink)
