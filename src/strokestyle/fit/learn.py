@@ -40,6 +40,8 @@ MIN_SPREAD = 1e-3  # of a feature: one that hardly varies is not blown up
 # px; a residual is kept where it is faster than these Gaussians, of offset and of log width
 RESIDUAL_SIGMAS = (7.0, 14.0)
 REJECTED_RUN = 6  # points; where trace and measure disagree for less, lines meet
+# median deviations (4 standard ones) beyond which a residual is a slip of the trace, no manner
+MOST_RESIDUAL = 6.0
 MIN_AGREEING, MIN_AGREEING_SHARE = 4, 0.4  # points of a stroke whose residuals are kept
 
 # The constants of the least squares and of the thickness curves were set by hand; no ablation of
@@ -437,8 +439,11 @@ def learn_residuals(
         pieces.append(piece)
     if not pieces:
         return None
+    values = np.concatenate(pieces)
+    most = MOST_RESIDUAL * np.median(np.abs(values), axis=0)
     return Residuals(
-        np.concatenate(pieces).astype(np.float32), np.r_[0, np.cumsum([len(p) for p in pieces])]
+        np.clip(values, -most, most).astype(np.float32),
+        np.r_[0, np.cumsum([len(p) for p in pieces])],
     )
 
 
