@@ -31,7 +31,7 @@ from strokestyle.svg.write import png_from_svg, write_svg, write_text
 def shape_view(folder: Path, own_lines: bool):
     surface, camera = load_surface(folder / "mesh.obj"), Camera.load(folder / "camera.json")
     if own_lines:
-        return extract_view(surface, camera)
+        return extract_view(surface, camera, optional=True)
     return view_of_curves(
         surface, camera, load_curves(folder / "curves.json", (camera.width, camera.height))
     )
@@ -88,7 +88,7 @@ def main():
                 source,
                 train.camera.width,
                 train.camera.height,
-                train.curves.xy,
+                train.curves.xy[train.required],
             )
             start = time.perf_counter()
             style = fit_style(

@@ -102,7 +102,7 @@ def fit(
     """
     picture = str(Path(output).with_suffix(".fit.png"))
     check_outputs([output, picture], [drawing, shape])
-    view = Shape(shape, options).view()
+    view = Shape(shape, options).view(optional=True)
     if not len(view.curves):
         raise ValueError(
             f"{shape}: no visible curves from this view: there is nothing to learn from; "
@@ -112,7 +112,7 @@ def fit(
 
     with timed("read the drawing"), told_warnings():
         size = view.camera.width, view.camera.height
-        exemplar, note = load_exemplar(drawing, *size, view.curves.xy, layer)
+        exemplar, note = load_exemplar(drawing, *size, view.curves.xy[view.required], layer)
     if note:
         say(f"{drawing}: {note}")
     from ..fit.checkpoint import Checkpoint

@@ -6,6 +6,7 @@ import functools
 import os
 import sys
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -252,14 +253,15 @@ def draw_shape(settings: RenderSettings, job: Job) -> str:
     from ..render.choice import unknown_kinds
 
     style = read_style(settings.model, settings.device)
-    written = []
-    left_out: set[str] = set()
-    for side, view in enumerate(Shape(job.shape, settings.shape).views()):
+    if settings.choice == "all":
+        style = replace(style, choice=None)
+    optional = style.choice is not None and style.choice.optional is not None
+    written, left_out = [], set()
+    for side, view in enumerate(Shape(job.shape, settings.shape).views(optional)):
         with timed("draw"):
-            lines = style.choose(view) if settings.choice == "learned" else view
+            lines = style.choose(view)
             drawing = style.draw(lines, seed=settings.seed, choice="all")
-        if style.choice is not None:
-            left_out.update(unknown_kinds(view, lines, style.choice))
+        left_out.update(unknown_kinds(view, lines, style.choice))
         written += write_side(settings, job, side, lines, drawing)
     if left_out:
         say(

@@ -118,8 +118,17 @@ class Shape:
             options.get("projection"),
         )
 
-    def view(self) -> View:
-        """The view that the file holds, or that of the mesh from the camera."""
+    @property
+    def has_optional_lines(self) -> bool:
+        """Whether lines of a fuller detail may be drawn: where no option says which are."""
+        own = [name for name in line_options.given(self.options) if name != "kinds"]
+        return self.has_own_curves and not own and not self.options.get("detail")
+
+    def view(self, optional: bool = False) -> View:
+        """The view that the file holds, or that of the mesh from the camera.
+
+        `optional` : with the lines besides that an artist may draw, where the options leave it open
+        """
         from ..extract.pipeline import extract_view
         from ..extract.view_file import load_view
         from ..mesh.messages import naming
@@ -130,7 +139,14 @@ class Shape:
             return self._view_of_curves()
         surface, camera, hidden = self.shown, self.camera(), self.options.get("hidden", False)
         with timed("curves and feature maps"), told_warnings(), naming(self.path):
-            return extract_view(surface, camera, self.line_options(), self.spacing(), hidden)
+            return extract_view(
+                surface,
+                camera,
+                self.line_options(),
+                self.spacing(),
+                hidden,
+                optional=optional and self.has_optional_lines,
+            )
 
     def _view_of_curves(self) -> View:
         """The mesh seen behind the curves of another program."""
@@ -142,19 +158,28 @@ class Shape:
         with timed("feature maps"):
             return view_of_curves(self.shown, camera, curves, self.spacing())
 
-    def views(self) -> Iterator[View]:
-        """The view; or with --turntable N views, once round the upright axis."""
+    def views(self, optional: bool = False) -> Iterator[View]:
+        """The view; or with --turntable N views, once round the upright axis.
+
+        `optional` : as `view` takes it
+        """
         from ..extract.camera import up_axis
         from ..extract.turntable import turntable
         from ..mesh.messages import naming
 
         count = self.options.get("turntable")
         if not count:
-            yield self.view()
+            yield self.view(optional)
             return
         axis = None if self.options.get("camera") else up_axis(self.options.get("up") or "y")
         views = turntable(
-            self.shown, self.camera(), count, self.line_options(), self.spacing(), axis=axis
+            self.shown,
+            self.camera(),
+            count,
+            self.line_options(),
+            self.spacing(),
+            axis=axis,
+            optional=optional and self.has_optional_lines,
         )
         for _ in range(count):
             with timed("curves and feature maps"), told_warnings(), naming(self.path):

@@ -41,6 +41,7 @@ from .view_curvature import ViewFields
 
 # Mean edges: a denser mesh is smoothed over less than LineOptions.smooth, or it would take long.
 MAX_SMOOTH = 3.0
+CREASES = ("crease_edges", "near_creases")  # what one crease angle decides
 SLIVERS = (0.1, 0.25)  # height of a face by its longest side; see trust_in_shape
 DUPLICATE_FACES, DUPLICATE_EDGES = 3, 14  # see SurfaceLines.near_creases
 FOLD_FACES, FOLD_EDGES = 6, 3
@@ -64,6 +65,16 @@ class SurfaceLines:
     surface: Surface
     options: LineOptions = LineOptions()
     left: np.ndarray | None = None
+
+    def alike(self, options: LineOptions) -> SurfaceLines:
+        """Make the lines of the same surface by other thresholds, without working out all anew."""
+        lines = replace(self, options=options)
+        kept = {"bvh": True, "trust": True, "smoothed": options.smooth == self.options.smooth}
+        kept |= dict.fromkeys(
+            ("crease_edges", "near_creases"), options.crease == self.options.crease
+        )
+        lines.__dict__.update({name: getattr(self, name) for name, same in kept.items() if same})
+        return lines
 
     def seen_from(self, camera: Camera) -> SurfaceCurves:
         """Find all lines of `options.kinds` as a camera sees them, kind by kind in KINDS order.

@@ -26,6 +26,7 @@ from .camera import Camera
 from .feature_maps import NEURAL_STROKES_MAPS, NORMAL_MAPS, FeatureMaps, feature_maps, plain_raster
 from .line_options import LineOptions
 from .lines import SurfaceLines
+from .optional import optional_lines
 from .rays import Bvh
 from .tidy import subtract_parallel, tidy_with_source
 from .view import View
@@ -43,6 +44,7 @@ def extract_view(
     spacing: float = DEFAULT_SPACING,
     hidden: bool = False,
     lines: SurfaceLines | None = None,
+    optional: bool = False,
 ) -> View:
     """Draw a surface plainly: find its feature curves, look, tidy, resample, make maps and parts.
 
@@ -53,6 +55,8 @@ def extract_view(
     hidden : also the hidden parts, of the kinds in HARD_KINDS: those describe the shape, the others
         only how its front looks
     lines : the lines of this surface and these options, where several views are drawn of them
+    optional : also the lines that an artist may draw besides, as `View.optional`; the others are
+        the same with and without
 
     Raises
     ------
@@ -62,16 +66,37 @@ def extract_view(
     lines = _lines_of(surface, options, lines)
     found, unseen = lines.split_from(camera, hidden)
     sight = look_along(surface, camera, found, lines.bvh)
-    seen = _tidied(surface, camera, sight.fragments(), spacing)
+    fragments = sight.fragments()
+    seen = _tidied(surface, camera, fragments, spacing)
+    maps_of, more = seen.curves, np.zeros(len(seen.curves), bool)
+    if optional:
+        seen, more = _with_optional(lines, camera, fragments, seen, spacing)
     behind = _Tidied(Curves.empty(), Curves.empty(), None, np.zeros(0))
     if hidden:
         away = _hidden_fragments(sight, look_along(surface, camera, unseen, None))
         apart = _apart_from(seen.strokes, away, camera)
         behind = _tidied(surface, camera, apart, spacing)
-    del found, unseen, sight  # of millions of points, where lines lie behind one another
-    maps = feature_maps(surface, camera, seen.curves, lines.bvh)
+    del found, unseen, sight, fragments  # of millions of points, where lines lie behind one another
+    maps = feature_maps(surface, camera, maps_of, lines.bvh)
     view = View(camera, seen.curves, maps, behind.curves, strength=seen.strength)
+    view = replace(view, optional=more) if optional else view
     return _with_parts(view, surface, seen.faces, behind.faces)
+
+
+def _with_optional(
+    lines: SurfaceLines,
+    camera: Camera,
+    fragments: Fragments,
+    seen: _Tidied,
+    spacing: float,
+) -> tuple[_Tidied, np.ndarray]:
+    """Put optional lines behind those seen, and tell which curves are optional, (C,) bool."""
+    more = optional_lines(lines, camera, fragments, seen.strokes, spacing)
+    curves = Curves.concatenate([seen.curves, more.curves])
+    faces = None if seen.faces is None else np.r_[seen.faces, more.face]
+    strength = np.r_[seen.strength, more.strength]
+    both = _Tidied(seen.strokes, curves, faces, strength)
+    return both, np.arange(len(curves)) >= len(seen.curves)
 
 
 class _Tidied(NamedTuple):

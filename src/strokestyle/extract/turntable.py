@@ -40,6 +40,7 @@ def turntable(
     spacing: float = DEFAULT_SPACING,
     lines: SurfaceLines | None = None,
     axis: np.ndarray | None = None,
+    optional: bool = False,
 ) -> Iterator[View]:
     """Extract `count` views while the camera goes once round the surface, one at a time.
 
@@ -55,6 +56,7 @@ def turntable(
     lines : the lines of this surface and these options, where there are some already
     axis : (3,), the upright axis; by default the camera's up, which is another where it looks
         straight down
+    optional : as `extract_view` takes it
 
     Raises
     ------
@@ -65,6 +67,13 @@ def turntable(
         raise ValueError(f"a turntable has 1 picture or more, got {count}")
     lines = lines or SurfaceLines(surface, options or LineOptions())
     return (
-        extract_view(surface, camera.turned(360.0 * i / count, axis), options, spacing, lines=lines)
+        extract_view(
+            surface,
+            camera.turned(360.0 * i / count, axis),
+            options,
+            spacing,
+            lines=lines,
+            optional=optional,
+        )
         for i in range(count)
     )

@@ -76,6 +76,13 @@ class View:
             raise ValueError(f"View.{name} must be finite, of shape {shape}, got {value.shape}")
         object.__setattr__(self, name, value)
 
+    @property
+    def required(self) -> np.ndarray:
+        """Tell which points of the curves are of lines that are not optional, (N,) bool."""
+        if self.optional is None:
+            return np.ones(len(self.curves.xy), bool)
+        return ~self.optional[owner(self.curves.offsets)]
+
     def only(self, keep: np.ndarray) -> View:
         """Cut the curves down to stretches of two or more points that are kept, (N,) bool.
 

@@ -38,6 +38,11 @@ class Fragments:
     strength: np.ndarray
     face: np.ndarray
 
+    def take(self, index: np.ndarray) -> Fragments:
+        """Select the stretches of an index or mask over them, in that order."""
+        rows, _ = take_ragged(self.curves.offsets, np.arange(len(self.curves))[index])
+        return Fragments(self.curves.take(index), self.strength[rows], self.face[rows])
+
     @classmethod
     def concatenate(cls, *parts: Fragments) -> Fragments:
         """Put fragments one after the other."""

@@ -101,11 +101,9 @@ def learn_lines(view: View, mask: np.ndarray) -> DrawnLines:
     view : the shape as it was drawn, with the lines that could have been drawn
     mask : (H, W) float, the drawing's ink, 1 = stroke; of the view's size
     """
-    curves = view.curves
-    expected = np.ones(len(curves.xy), bool)
-    if view.optional is not None:
-        expected = ~view.optional[owner(curves.offsets)]
-    drawn = find_drawn(aligned_curves(view, mask, StyleConfig(size=max(mask.shape))), mask)
+    curves, expected = view.curves, view.required
+    there = aligned_curves(view, mask, StyleConfig(size=max(mask.shape)))
+    drawn = find_drawn(there, mask, ~expected)
     if not drawn.any() or drawn.mean() < MIN_DRAWN:
         drawn = expected  # where hardly anything lies on a line, that is no choice of lines
     elif (expected & drawn).sum() >= ALL_DRAWN * expected.sum():
@@ -114,13 +112,25 @@ def learn_lines(view: View, mask: np.ndarray) -> DrawnLines:
     if choice is not None:
         drawn = _without_accidents(view, drawn, chosen_points(view, choice))
         choice = learn_choice(view, drawn)
-    count = np.add.reduceat(drawn, curves.offsets[:-1]) if len(curves) else np.zeros(0)
-    about = {
-        "lines_drawn": int((count > 0.5 * np.diff(curves.offsets)).sum()),
-        "lines": len(curves),
-        "share_drawn": round(float(drawn.mean()), 4) if len(drawn) else 1.0,
+    # who drew no optional line was not asked for any
+    offered = expected if not (drawn & ~expected).any() else np.ones_like(expected)
+    return DrawnLines(
+        replace(view.only(drawn), optional=None), choice, _counted(curves, drawn, offered)
+    )
+
+
+def _counted(curves: Curves, drawn: np.ndarray, offered: np.ndarray) -> dict[str, int | float]:
+    """Count the lines drawn of those offered, both by their points (N,) bool."""
+    if not len(curves):
+        return {"lines_drawn": 0, "lines": 0, "share_drawn": 1.0}
+    points, drawn_points = (
+        np.add.reduceat(1.0 * of, curves.offsets[:-1]) for of in (offered, drawn & offered)
+    )
+    return {
+        "lines_drawn": int((drawn_points > 0.5 * points).sum()),
+        "lines": int((points > 0).sum()),
+        "share_drawn": round(float(drawn_points.sum() / points.sum()), 4),
     }
-    return DrawnLines(replace(view.only(drawn), optional=None), choice, about)
 
 
 def _without_accidents(view: View, drawn: np.ndarray, expected: np.ndarray) -> np.ndarray:
@@ -131,7 +141,7 @@ def _without_accidents(view: View, drawn: np.ndarray, expected: np.ndarray) -> n
     return drawn | (expected & without_short_runs(drawn, line, along, False, gap))
 
 
-def find_drawn(curves: Curves, mask: np.ndarray) -> np.ndarray:
+def find_drawn(curves: Curves, mask: np.ndarray, doubtful: np.ndarray | None = None) -> np.ndarray:
     """Tell which points of curves a drawing has ink for, (N,) bool.
 
     Ink speaks for a line where it lies within REACH and runs the same way, so that strokes that
@@ -143,6 +153,7 @@ def find_drawn(curves: Curves, mask: np.ndarray) -> np.ndarray:
     ----------
     curves : candidates, in pixels of the mask, points evenly spaced
     mask : (H, W) float, 1 = ink
+    doubtful : (N,) bool, points that have no ink which others could have; by default none
     """
     if not len(curves):
         return np.zeros(0, bool)
@@ -163,7 +174,8 @@ def find_drawn(curves: Curves, mask: np.ndarray) -> np.ndarray:
     if known.any():
         spread = np.clip(2.0 * np.median(np.abs(offset[known])), OFFSET_SPREADS[1] * scale, spread)
         offset = _best_offsets(curves, gain, q, float(spread), scale)
-    taken = _taken(curves, offset, tangent, normal, scale)
+    handicap = 0.0 if doubtful is None else 2.0 * NEARER * scale * doubtful
+    taken = _taken(curves, offset, tangent, normal, scale, handicap)
     if taken.any():
         gain[taken] = np.minimum(gain[taken], BARE)
         offset = _best_offsets(curves, gain, q, float(spread), scale)
@@ -213,11 +225,21 @@ def _best_path(gain: np.ndarray, slip: np.ndarray) -> np.ndarray:
 
 
 def _taken(
-    curves: Curves, offset: np.ndarray, tangent: np.ndarray, normal: np.ndarray, scale: float
+    curves: Curves,
+    offset: np.ndarray,
+    tangent: np.ndarray,
+    normal: np.ndarray,
+    scale: float,
+    handicap: np.ndarray | float,
 ) -> np.ndarray:
     """Tell which points claim ink that belongs to another line, which lies nearer to it, (N,).
 
-    `offset` (N,) px is that of the ink that each point claims, nan where it claims none.
+    Parameters
+    ----------
+    offset : (N,) px, of the ink that each point claims, nan where it claims none
+    tangent, normal : (N, 2) unit
+    scale : px that a px of the reference canvas is
+    handicap : (N,) px, by which points count as farther from it than they are
     """
     claims = np.flatnonzero(np.isfinite(offset))
     out = np.zeros(len(offset), bool)
@@ -226,6 +248,7 @@ def _taken(
     line = owner(curves.offsets)
     along = arc_length(curves.xy, curves.offsets)
     mean = _mean_along(np.abs(offset), along, line, CLAIM_SPAN * scale)
+    mean = mean + handicap
     at = curves.xy[claims] + offset[claims, None] * normal[claims]
     # points of two lines may lie half a step apart along them
     step = np.hypot(*np.diff(curves.xy[:2], axis=0)[0])

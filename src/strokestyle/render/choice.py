@@ -46,6 +46,7 @@ SIDE = 4.0  # px across a line, where the depth to both sides is read
 CROWD_RADIUS = 24.0  # px within which other lines are a crowd
 DEPTH_RANGE = (3, 97)  # percentiles of the lines' depth that count as 0 and 1
 UNIT = 30.0  # px of line that say as much as one independent observation
+ALIKE = 0.5  # a line n units long says as much as n to the power of 1 - ALIKE independent ones
 THRESHOLDS = 32  # of a column that are tried, at most
 DRAWN, LEFT_OUT = (12.0, 0.4), (0.4, 6.0)  # beta priors of a point's being drawn, by a law's side
 # Logarithms of how likely laws are beforehand, beside the one that all is drawn
@@ -154,16 +155,16 @@ class _Seen(NamedTuple):
     kind : (N,) int, of their lines
     columns : (N, P)
     drawn : (N,) bool
-    weight : of a point, in independent observations
+    weight : (N,) of the points, in independent observations
     """
 
     kind: np.ndarray
     columns: np.ndarray
     drawn: np.ndarray
-    weight: float
+    weight: np.ndarray
 
     def of(self, rows: np.ndarray) -> _Seen:
-        return _Seen(self.kind[rows], self.columns[rows], self.drawn[rows], self.weight)
+        return _Seen(self.kind[rows], self.columns[rows], self.drawn[rows], self.weight[rows])
 
 
 # ---------------------------------------------------------------------------------------- columns
@@ -257,8 +258,10 @@ def learn_choice(view: View, drawn: np.ndarray, scale: float = 1.0) -> LineChoic
         return None
     line = owner(view.curves.offsets)
     kind = view.curves.kind[line]
-    optional = np.zeros(len(line), bool) if view.optional is None else view.optional[line]
-    seen = _Seen(kind, line_columns(view, scale), drawn, _spacing(view) / scale / UNIT)
+    optional = ~view.required
+    units = np.maximum(view.curves.lengths() / scale / UNIT, 1.0)
+    weight = _spacing(view) / scale / UNIT / units[line] ** ALIKE
+    seen = _Seen(kind, line_columns(view, scale), drawn, weight)
     left_out, taken_up = ~drawn & ~optional, drawn & optional
     required, more = None, None
     if left_out.sum() > (1.0 - ALL_DRAWN) * (~optional).sum():
@@ -304,7 +307,7 @@ def _evidence(holds: np.ndarray, seen: _Seen) -> np.ndarray:
     """Logarithm of the marginal likelihood of laws that hold at points (L, N), (L,)."""
     total = np.zeros(len(holds))
     for side, (a, b) in ((holds, DRAWN), (~holds, LEFT_OUT)):
-        yes, no = ((side @ was) * seen.weight for was in (1.0 * seen.drawn, 1.0 * ~seen.drawn))
+        yes, no = (side @ (seen.weight * was) for was in (seen.drawn, ~seen.drawn))
         total += betaln(a + yes, b + no) - betaln(a, b)
     return total
 
@@ -313,7 +316,7 @@ def _share_drawn(holds: np.ndarray, seen: _Seen) -> np.ndarray:
     """Tell how likely a point is drawn where laws (L, N) do not hold, and where they do, (L, 2)."""
     likely = []
     for side, (a, b) in ((~holds, LEFT_OUT), (holds, DRAWN)):
-        yes, no = ((side @ was) * seen.weight for was in (1.0 * seen.drawn, 1.0 * ~seen.drawn))
+        yes, no = (side @ (seen.weight * was) for was in (seen.drawn, ~seen.drawn))
         likely.append((yes + a) / (yes + no + a + b))
     return np.stack(likely, axis=1)
 
@@ -399,20 +402,18 @@ def choose_lines(view: View, choice: LineChoice | None, scale: float = 1.0) -> V
 
     `scale` is how many px of the view one of the style's canvas is.
     """
-    expected = view
-    if view.optional is not None:
-        expected = view.only(~view.optional[owner(view.curves.offsets)])
+    expected = view.only(view.required)
     if choice is not None and len(view.curves) and view.maps.covered.any():
         left = view.only(chosen_points(view, choice, scale))
         expected = left if len(left.curves) else expected
     return replace(expected, optional=None)
 
 
-def unknown_kinds(view: View, left: View, choice: LineChoice) -> list[str]:
+def unknown_kinds(view: View, left: View, choice: LineChoice | None) -> list[str]:
     """Name the kinds of line left out of a view as such, and of which the exemplar had none."""
-    laws = choice.required
-    if laws is None:
+    if choice is None or choice.required is None:
         return []
+    laws = choice.required
     as_such = laws.weight @ (laws.kinds & np.isposinf(laws.limit)[..., None]).any(axis=1)
     gone = np.setdiff1d(view.curves.kind, left.curves.kind)
     return [KINDS[k] for k in gone if as_such[k] > EVEN and not choice.seen[k]]
@@ -422,8 +423,7 @@ def chosen_points(view: View, choice: LineChoice, scale: float = 1.0) -> np.ndar
     """Tell which points of a view's curves a style draws, (N,) bool."""
     line = owner(view.curves.offsets)
     kind, columns = view.curves.kind[line], line_columns(view, scale)
-    optional = np.zeros(len(line), bool) if view.optional is None else view.optional[line]
-    drawn = ~optional
+    optional, drawn = ~view.required, view.required
     for laws, rows in ((choice.required, ~optional), (choice.optional, optional)):
         if laws is not None:
             drawn[rows] = laws.likely(kind[rows], columns[rows]) > EVEN
