@@ -112,8 +112,10 @@ def learn_lines(view: View, mask: np.ndarray) -> DrawnLines:
     if choice is not None:
         drawn = _without_accidents(view, drawn, chosen_points(view, choice))
         choice = learn_choice(view, drawn)
-    # who drew no optional line was not asked for any
-    offered = expected if not (drawn & ~expected).any() else np.ones_like(expected)
+    # who has no use for optional lines was not offered any; ink on them is that of others
+    offered = np.ones_like(expected)
+    if choice is None or choice.optional is None:
+        offered, drawn = expected, drawn & expected
     return DrawnLines(
         replace(view.only(drawn), optional=None), choice, _counted(curves, drawn, offered)
     )

@@ -265,9 +265,9 @@ def learn_choice(view: View, drawn: np.ndarray, scale: float = 1.0) -> LineChoic
     left_out, taken_up = ~drawn & ~optional, drawn & optional
     required, more = None, None
     if left_out.sum() > (1.0 - ALL_DRAWN) * (~optional).sum():
-        required = _learn_laws(seen.of(~optional), draws_all=True)
+        required = _unless_idle(_learn_laws(seen.of(~optional), True), seen.of(~optional), True)
     if taken_up.sum() > (1.0 - ALL_DRAWN) * (~optional).sum():
-        more = _learn_laws(seen.of(optional), draws_all=False)
+        more = _unless_idle(_learn_laws(seen.of(optional), False), seen.of(optional), False)
     if required is None and more is None:
         return None
     return LineChoice(required, more, np.isin(np.arange(len(KINDS)), kind))
@@ -276,7 +276,7 @@ def learn_choice(view: View, drawn: np.ndarray, scale: float = 1.0) -> LineChoic
 def _learn_laws(seen: _Seen, draws_all: bool) -> Laws:
     """Find the laws that explain best what was drawn.
 
-    Where nothing speaks for another, it is the law that `draws_all`, or else none.
+    Where nothing speaks for another, it is the law that `draws_all`, or else that draws none.
     """
     among = _conditions(seen, draws_all)
     holds = np.stack(
@@ -301,6 +301,12 @@ def _learn_laws(seen: _Seen, draws_all: bool) -> Laws:
     conditions = {name: getattr(among, name)[laws] for name in names}
     drawn = _share_drawn(holds[laws[:, 0]] & holds[laws[:, 1]], seen)
     return Laws(**conditions, weight=belief / belief.sum(), drawn=drawn)
+
+
+def _unless_idle(laws: Laws, seen: _Seen, draws_all: bool) -> Laws | None:
+    """Drop laws that all in all draw the exemplar's lines as if there were none."""
+    likely = laws.likely(seen.kind, seen.columns)
+    return None if ((likely > EVEN) == draws_all).all() else laws
 
 
 def _evidence(holds: np.ndarray, seen: _Seen) -> np.ndarray:
