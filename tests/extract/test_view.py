@@ -28,7 +28,8 @@ from strokestyle.extract.rays import Bvh
 from strokestyle.extract.view import View
 from strokestyle.extract.view_file import load_view, save_view, view_to_json
 from strokestyle.extract.visible import Fragments, look_along
-from strokestyle.geometry.curves import KINDS, Curves, arc_length, clip
+from strokestyle.geometry.curves import KINDS, Curves, arc_length, clip, is_kind
+from strokestyle.geometry.kinds import SOFT_KINDS
 from strokestyle.geometry.parts import Parts, part_name
 from strokestyle.mesh.surface import make_surface
 from strokestyle.svg.write import plain_svg, png_from_svg
@@ -821,3 +822,21 @@ def test_lines_are_asked_some_at_a_time(monkeypatch):
     assert max(asked) <= 100 < sum(asked)
     for name in ("xy", "strength", "face", "line", "inside", "seen"):
         assert np.array_equal(getattr(parts, name), getattr(whole, name)), name
+
+
+def test_optional_lines_leave_the_others_as_they_are():
+    vertices, faces = ball(4)
+    x, y, z = vertices.T
+    bump = 1 + 0.3 * np.sin(7 * x) * np.sin(6 * y + 1) * np.cos(6 * z)
+    surface = make_surface(vertices * bump[:, None], faces)
+    camera = fit_camera(surface.vertices, "three-quarter", 30.0, 400, 400)
+    plain, more = extract_view(surface, camera), extract_view(surface, camera, optional=True)
+    assert plain.optional is None and len(more.curves) > len(plain.curves)
+    first = len(plain.curves)
+    assert np.array_equal(more.optional, np.arange(len(more.curves)) >= first)
+    assert np.array_equal(more.curves.xy[: len(plain.curves.xy)], plain.curves.xy)
+    assert np.array_equal(more.strength[more.required], plain.strength)
+    assert np.array_equal(more.maps.values, plain.maps.values)
+    assert is_kind(more.curves.kind[first:], SOFT_KINDS).all()
+    back = more.only(more.required)
+    assert np.array_equal(back.curves.xy, plain.curves.xy)
