@@ -168,3 +168,13 @@ def test_optional_lines_that_were_not_drawn_are_no_loss():
     found = learn_lines(view, drawn_by(VIEW, LAWS["all"](VIEW)).mask)
     drawn = choose_lines(replace(OTHER, optional=OTHER.curves.kind != CONTOUR), found.choice)
     assert len(drawn.curves) == 18
+
+
+def test_faint_ink_is_no_gap_in_a_line():
+    mask = drawn_by(VIEW, LAWS["all"](VIEW)).mask.copy()
+    starts = VIEW.curves.offsets[:-1][VIEW.curves.kind == CONTOUR]
+    for x, y in VIEW.curves.xy[starts]:  # where contours begin, the pen gave no ink
+        row, column = np.mgrid[:SIZE, :SIZE]
+        mask[np.hypot(column - x, row - y) < 10] = 0.0
+    found = learn_lines(VIEW, mask)
+    assert found.choice is None and length(found.view) > 0.99 * length(VIEW)

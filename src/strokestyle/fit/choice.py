@@ -109,9 +109,9 @@ def learn_lines(view: View, mask: np.ndarray) -> DrawnLines:
     elif (expected & drawn).sum() >= ALL_DRAWN * expected.sum():
         drawn = drawn | expected
     choice = learn_choice(view, drawn)
-    if choice is not None:
-        drawn = _without_accidents(view, drawn, chosen_points(view, choice))
-        choice = learn_choice(view, drawn)
+    meant = expected if choice is None else chosen_points(view, choice)
+    drawn = _without_accidents(view, drawn, meant)
+    choice = learn_choice(view, drawn)
     # who has no use for optional lines was not offered any; ink on them is that of others
     offered = np.ones_like(expected)
     if choice is None or choice.optional is None:
