@@ -207,7 +207,7 @@ def _placed(
 
     Raises ValueError where there is no drawing of lines.
     """
-    whole = whole_placings(file, width, height)
+    whole, reduced = whole_placings(file, width, height), _Reduced.of(file)
     if len(whole) == 1:
         try:
             laid = _laid(file, whole[0], name, curve_points)
@@ -215,11 +215,11 @@ def _placed(
         except ValueError:
             best = _Screened(whole[0], NO_DRAWING)
     else:
-        best = _best([_screened(file, one, name, curve_points) for one in whole])
+        best = _best([_screened(reduced, one, name, curve_points) for one in whole])
     if best.far_ink > SHEET_SOUGHT and not file.transparent:
         sheet = find_sheet(file.rgba[..., :3])
         if sheet is not None:
-            best = _on_sheet(sheet, best, file, name, curve_points)
+            best = _on_sheet(sheet, best, reduced, name, curve_points)
             share = f"a sheet of paper found that fills {100 * sheet.share:.0f} % of it"
     laid = best.laid or _laid(file, best.placing, name, curve_points)
     if best.placing.sheet is not None:
@@ -231,13 +231,13 @@ def _placed(
 
 
 def _on_sheet(
-    sheet: Sheet, whole: _Screened, file: Scan, name: str, curve_points: np.ndarray
+    sheet: Sheet, whole: _Screened, reduced: _Reduced, name: str, curve_points: np.ndarray
 ) -> _Screened:
     """The best way to lay a photograph's sheet on the view, or the whole where none is better."""
     best, size = whole, whole.placing.map.size
     for turns in range(4):
         tried = sheet_placings(sheet, round(size[0]), round(size[1]), turns)
-        found = _best([_screened(file, one, name, curve_points) for one in tried])
+        found = _best([_screened(reduced, one, name, curve_points) for one in tried])
         if found.far_ink < FAR_REFUSED:
             best = _best([best, found])
         if best.far_ink < FAR_WARNED:
@@ -254,20 +254,29 @@ def _best(tried: list[_Screened]) -> _Screened:
     return best
 
 
-def _reduced(file: Scan, every: int) -> Scan:
-    """A file's pixels averaged over squares of `every` x `every` px."""
-    if every == 1:
-        return file
-    h, w = (side // every * every for side in file.rgba.shape[:2])
-    squares = file.rgba[:h, :w].reshape(h // every, every, w // every, every, 4)
-    return replace(file, rgba=squares.mean(axis=(1, 3)))
+@dataclass(frozen=True)
+class _Reduced:
+    """A file with its pixels averaged over squares of `every` x `every` px, to try layouts on."""
+
+    file: Scan
+    every: int
+
+    @classmethod
+    def of(cls, file: Scan) -> _Reduced:
+        every = max(1, int(min(file.rgba.shape[:2]) / (2 * SCREEN)))
+        if every == 1:
+            return cls(file, every)
+        h, w = (side // every * every for side in file.rgba.shape[:2])
+        squares = file.rgba[:h, :w].reshape(h // every, every, w // every, every, 4)
+        return cls(replace(file, rgba=squares.mean(axis=(1, 3))), every)
 
 
-def _screened(file: Scan, placing: Placing, name: str, curve_points: np.ndarray) -> _Screened:
+def _screened(
+    reduced: _Reduced, placing: Placing, name: str, curve_points: np.ndarray
+) -> _Screened:
     """Try a layout on a small picture."""
-    size = np.array(placing.map.size)
+    size, every = np.array(placing.map.size), reduced.every
     small = np.rint(size * min(1.0, SCREEN / size.max()))
-    every = max(1, int(min(file.rgba.shape[:2]) / (2 * SCREEN)))
     matrix = np.diag([*(small / size), 1.0]) @ placing.map.matrix @ np.diag([every, every, 1.0])
     shrunk = replace(
         placing,
@@ -275,7 +284,7 @@ def _screened(file: Scan, placing: Placing, name: str, curve_points: np.ndarray)
         sheet=None if placing.sheet is None else placing.sheet / every,
     )
     try:
-        laid = _laid(_reduced(file, every), shrunk, name, curve_points * small / size)
+        laid = _laid(reduced.file, shrunk, name, curve_points * small / size)
     except ValueError:
         return _Screened(placing, NO_DRAWING)
     return _Screened(placing, laid.agreement.far_ink)
