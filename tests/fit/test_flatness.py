@@ -7,7 +7,6 @@ from scipy import ndimage
 
 from strokestyle.drawing.strokes import Strokes
 from strokestyle.fit.exemplar import Exemplar
-from strokestyle.fit.flatness import MAX_BLUR
 from strokestyle.fit.own_ink import nearest_strokes
 from strokestyle.fit.texture import learn_texture
 
@@ -85,7 +84,7 @@ MEDIA = {
     "pale inside, dark at the edge": lambda alpha: (
         alpha * (1 - 0.4 * np.clip(ndimage.gaussian_filter(alpha, 1.5) - 0.5, 0, 0.5) / 0.5)
     ),
-    "soft edge": lambda alpha: ndimage.gaussian_filter(alpha, 2.0 * MAX_BLUR),
+    "soft edge": lambda alpha: ndimage.gaussian_filter(alpha, 2.0),
     "fading along": lambda alpha: alpha * np.linspace(0.5, 1.0, SIZE),
 }
 
