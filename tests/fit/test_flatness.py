@@ -95,6 +95,13 @@ def test_media_are_not_flat(name):
     assert not says_flat(strokes, MEDIA[name](alpha))
 
 
+def test_thin_lines_that_pale_in_places_are_not_flat():
+    strokes, alpha = drawn(4.0)
+    come_and_go = np.clip(0.8 + 0.5 * np.sin(np.arange(SIZE) / 30.0), 0.4, 1.0)
+    assert says_flat(strokes, ndimage.gaussian_filter(alpha, 0.7))
+    assert not says_flat(strokes, ndimage.gaussian_filter(alpha * come_and_go, 0.7))
+
+
 def test_ink_that_differs_in_tone_along_a_stroke_is_not_flat():
     strokes, alpha = drawn(8.0)
     ink = np.linspace(0.0, 0.6, SIZE)[None, :, None] * np.ones((SIZE, SIZE, 3))

@@ -177,6 +177,8 @@ def _even_peaks(
     """Rows (n,) where lines of like distances and slopes (n,) are; None where there are none."""
     peak = present == ndimage.maximum_filter1d(present, 2 * int(MIN_PITCH * scale / 2) + 1)
     rows = np.flatnonzero(peak & (present > MIN_PRINT))
+    # a line that is as strong in rows side by side is one line
+    rows = rows[np.diff(rows, prepend=-len(present)) > 0.5 * MIN_PITCH * scale]
     if len(rows) < MIN_LINES:
         return None
     rows = rows[present[rows] > 0.4 * np.median(present[rows])]
