@@ -95,6 +95,12 @@ class Alignment:
         """(N, 2) px, from the planned points to where the drawing has them, but for its manner."""
         return self.warp + self.own
 
+    def part(self, rows: np.ndarray, off: np.ndarray) -> Alignment:
+        """Keep some rows (n,), moved by `off` (n, 2) px more."""
+        return replace(
+            self, warp=self.warp[rows], own=self.own[rows] + off, explained=self.explained[rows]
+        )
+
 
 def align(
     mask: np.ndarray, planned: Planned, deformations: np.ndarray, spacing: float

@@ -392,19 +392,17 @@ def _ink_over(
     return ink
 
 
-def stroke_mask(alpha: np.ndarray) -> np.ndarray:
+def stroke_mask(alpha: np.ndarray, shows_grain: np.ndarray | None = None) -> np.ndarray:
     """Opacity (H, W) -> soft mask (H, W) of what the strokes cover, holes of the grain closed.
 
     Clean ink, which leaves few specks and pinholes or is all of one opacity, needs no closing, and
     its anti-aliased edges are kept as they are. A grainy medium is blurred by the least of
     GRAIN_SIGMAS that leaves few specks and pinholes, then cut at CUT of its local peak, one pixel
-    soft.
+    soft. Where holes may be the drawing's own, `shows_grain` (H, W) bool is where they are not.
     """
-    for sigma in (0.0,) if _unevenness(alpha) < EVEN else GRAIN_SIGMAS:
-        smooth = ndimage.gaussian_filter(alpha, sigma) if sigma else alpha
-        peak = _local_peak(alpha, max(sigma, 0.5))
-        if _litter(smooth > CUT * peak) < MAX_LITTER:
-            break
+    sigma = _grain_sigma(alpha, np.ones(alpha.shape, bool) if shows_grain is None else shows_grain)
+    smooth = ndimage.gaussian_filter(alpha, sigma) if sigma else alpha
+    peak = _local_peak(alpha, max(sigma, 0.5))
     if sigma:
         slope = np.maximum(np.hypot(*np.gradient(smooth)), 0.02)
         mask = np.clip(0.5 + (smooth - CUT * peak) / slope, 0, 1)
@@ -415,6 +413,18 @@ def stroke_mask(alpha: np.ndarray) -> np.ndarray:
         area = np.bincount(label.ravel(), weights=mask.ravel())
         mask = mask * ((area >= MIN_BLOT)[label] | (label == 0))
     return mask.astype(np.float32)
+
+
+def _grain_sigma(alpha: np.ndarray, where: np.ndarray) -> float:
+    """The Gaussian, px, that closes ink (H, W) over its grain; 0 where it is clean.
+
+    Looked at is the grain `where` (H, W) bool it shows.
+    """
+    for sigma in (0.0,) if _unevenness(alpha) < EVEN else GRAIN_SIGMAS:
+        smooth = ndimage.gaussian_filter(alpha, sigma) if sigma else alpha
+        if _litter(smooth > CUT * _local_peak(alpha, max(sigma, 0.5)), where) < MAX_LITTER:
+            break
+    return sigma
 
 
 def _local_peak(alpha: np.ndarray, sigma: float) -> np.ndarray:
@@ -437,15 +447,19 @@ def _unevenness(alpha: np.ndarray) -> float:
     return float(np.abs(alpha / peak - 1)[deep].mean())
 
 
-def _litter(inside: np.ndarray) -> float:
-    """Share of a binary mask that is specks, or lacks because of pinholes; both under SPECK px."""
+def _litter(inside: np.ndarray, where: np.ndarray) -> float:
+    """Share of a binary mask that is specks, or lacks because of pinholes; both under SPECK px.
+
+    Counted is what lies `where` (H, W) bool, wholly.
+    """
     total = 0
     for region in (inside, ~inside):
         label, count = ndimage.label(region)
         if count:
             area = np.bincount(label.ravel())[1:]
-            total += area[area < SPECK].sum()
-    return total / max(int(inside.sum()), 1)
+            whole = area == np.bincount(label[where], minlength=count + 1)[1:]
+            total += area[whole & (area < SPECK)].sum()
+    return total / max(int((inside & where).sum()), 1)
 
 
 def _steady_ink(ink: np.ndarray, alpha: np.ndarray) -> np.ndarray:

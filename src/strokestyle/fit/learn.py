@@ -32,6 +32,7 @@ from .manner import learn_manner
 from .observe import Observation, measure_across, sample_image
 from .pen_ends import pen_ends, probe_ends
 from .progress import Report, Reporter
+from .restate import Passes, find_passes
 from .texture import learn_texture
 from .trace import MaskPyramid, StrokeTensors, Traced, affordable_steps, optimise_strokes
 
@@ -113,6 +114,14 @@ class TrainingStrokes:
     def normals(self) -> np.ndarray:
         """(N, 2) float64, unit vectors across the strokes."""
         return self.tensors.normals.double().cpu().numpy()
+
+    def repeated(self, passes: Passes) -> TrainingStrokes:
+        """Lay a stroke for each pass of the lines that are gone over."""
+        planned, rows = passes.planned, passes.rows
+        part = self.tensors.part(rows, planned.offsets, planned.on_curve)
+        xy = torch.as_tensor(planned.xy, dtype=torch.float32, device=self.features.device)
+        features = self.features[torch.as_tensor(rows, device=self.features.device)]
+        return replace(self, planned=planned, tensors=replace(part, xy=xy), features=features)
 
     def lifted(
         self, view: View, past: np.ndarray, shift: np.ndarray
@@ -205,8 +214,15 @@ def fit_quick(
     deformations = training.tensors.deformations.double().cpu().numpy()
     alignment = align(exemplar.mask, training.planned, deformations, style_config.spacing)
     training = training.aligned(alignment)
+    passes = find_passes(exemplar.alpha, training.planned, training.normals, style_config.spacing)
+    if passes is not None:
+        exemplar = passes.lines(exemplar)
     ink = training.sorted_ink(exemplar.mask)
     measured = ink.believed(training.measured(ink.lines), training.planned.xy)
+    if passes is not None:
+        off = passes.offset[:, None] * training.normals[passes.rows]
+        alignment = alignment.part(passes.rows, off)
+        training, measured = training.repeated(passes), passes.observed(measured.part(passes.rows))
     shown = sample_image(ink.lines, training.planned.xy)
     taken = taken_ink(training.planned, alignment.explained, shown)
     measured = disbelieved(measured, taken)
@@ -217,7 +233,7 @@ def fit_quick(
     start = thin_start(begin_past_ends(training, rough_law(training), ink.lines), taken)
     traced = _trace(training, start, ink.lines, config, report, checkpoint, until)
     found, agrees = traced.observed(training.tensors, measured, shown)
-    found = disbelieved(found, taken)
+    found = disbelieved(found if passes is None else passes.doubted(found), taken)
     past, clear = pen_ends(training.planned, *traced.arrays(), ink.lines, style_config.spacing)
     training, rows = training.lifted(view, past, alignment.shift)
     traced, found, agrees = traced.part(rows), found.part(rows), agrees[rows]
@@ -227,7 +243,11 @@ def fit_quick(
         off = config.residuals * _residuals(training, law, traced)
         residuals = learn_residuals(off, training.planned, agrees, style_config.spacing)
     style = _style(training, law, residuals, replace(exemplar, mask=ink.lines))
-    style = replace(style, overshoots=Overshoots.of(np.where(clear, past, np.nan)))
+    style = replace(
+        style,
+        overshoots=Overshoots.of(np.where(clear, past, np.nan)),
+        restating=None if passes is None else passes.restating,
+    )
     strokes, rows = traced.strokes(training.planned)
     if config.texture and len(strokes):
         report("texture", 0, 1, {})

@@ -24,6 +24,7 @@ from .overshoots import Overshoots
 from .plan import Planned, lift
 from .quilt import synthesise
 from .residuals import Residuals, sample_residuals
+from .restating import Restating
 from .texture_bank import TextureBank
 
 THINNEST = 0.12  # of a stroke's greatest thickness: what overshoots and is thinner is none of it
@@ -85,6 +86,7 @@ class Style:
     choice : which lines are drawn, or None for all
     overshoots : how far strokes run past their ends; None where their thickness says so, as in
         models of format 3
+    restating : how lines are gone over, or None where each is one stroke
     """
 
     config: StyleConfig
@@ -97,6 +99,7 @@ class Style:
     about: dict = field(default_factory=dict)
     choice: LineChoice | None = None
     overshoots: Overshoots | None = None
+    restating: Restating | None = None
 
     def choose(self, view: View) -> View:
         """Leave out of a view the lines, and parts of lines, that the artist would not draw."""
@@ -127,16 +130,22 @@ class Style:
     def lay_strokes(self, view: View, seed: int = 0) -> LaidStrokes:
         """Plan the strokes of a view, move them off their curves, and give them thickness."""
         planned = plan(view, self.config, self._scale(view))
+        off = np.zeros((len(planned.xy), 2))
+        if self.restating is not None:
+            rng = np.random.default_rng(_child_seed(seed, 3))
+            planned, over = self.restating.repeat(planned, rng)
+            off = self.restating.deviation(planned, over, self.config.spacing, rng)
         if self.overshoots is not None:
             past = self.overshoots.sample(planned, np.random.default_rng(_child_seed(seed, 2)))
-            planned, _ = lift(planned, past, self.config.spacing)
+            planned, rows = lift(planned, past, self.config.spacing)
+            off = off[rows]
         surface = planned.carry(surface_at(view, self.config.spacing))
         names = self.scaling.names
         features = self.scaling(point_features(planned, surface, self.config, names))
         if not len(planned):
             return LaidStrokes(_no_strokes(), features, None)
         frame = Frame.of(planned, surface, self.config.spacing)
-        xy, log_width = displaced(frame, self.displacement), self.log_width(features)
+        xy, log_width = displaced(frame, self.displacement) + off, self.log_width(features)
         if self.residuals is not None:
             rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
             residuals = sample_residuals(self.residuals, planned.offsets, rng)

@@ -15,6 +15,7 @@ from .config import StyleConfig
 from .features import FEATURES, FeatureScaling
 from .overshoots import Overshoots
 from .residuals import Residuals
+from .restating import Restating
 from .style import Style, SumOfCurves
 from .texture_bank import TextureBank
 
@@ -55,6 +56,7 @@ def _state(style: Style) -> dict:
         "texture": None if style.bank is None else asdict(style.bank),
         "color": style.color,
         "overshoots": None if style.overshoots is None else asdict(style.overshoots),
+        "restating": None if style.restating is None else asdict(style.restating),
     }
 
 
@@ -105,7 +107,8 @@ def _unpack_style(payload: dict) -> Style:
         raise KeyError("its features are not those of this version")
     scaling = payload["features"] | {"names": names}
     residuals, texture = payload["residuals"], payload["texture"]
-    overshoots = payload.get("overshoots")  # from format 4 on
+    # from format 4 on, though not in all of it
+    overshoots, restating = payload.get("overshoots"), payload.get("restating")
     return Style(
         config=StyleConfig(**config),
         log_width=SumOfCurves(**payload["log_width"]),
@@ -116,6 +119,7 @@ def _unpack_style(payload: dict) -> Style:
         color=payload["color"],
         about=payload["about"],
         overshoots=None if overshoots is None else Overshoots(**overshoots),
+        restating=None if restating is None else Restating(**restating),
     )
 
 
