@@ -109,6 +109,25 @@ def test_paper_between_crossing_lines_is_no_grain():
     assert ex.stroke_mask(grainy.astype(np.float32))[coverage > 0.99].mean() > 0.85
 
 
+def test_thin_lines_of_a_low_resolution_are_no_grain():
+    # 1.3 px wide, some of them about paper a few px across: nothing lies deep inside
+    y, x = np.mgrid[:SIZE, :SIZE] + 0.5
+    rings = [
+        np.abs(np.hypot(x - cx, y - cy) - radius)
+        for cx in range(16, SIZE - 8, 24)
+        for cy in range(16, SIZE - 8, 24)
+        for radius in (3.0, 8.0)
+    ]
+    coverage = np.clip(1.15 - np.min(rings, axis=0), 0, 1).astype(np.float32)
+    mask = ex.stroke_mask(coverage)
+    assert mask[coverage == 0].max() == 0
+    assert np.abs(mask - coverage).mean() < 0.04
+    # the same lines on the tooth of paper are closed
+    rng = np.random.default_rng(0)
+    grainy = coverage * (rng.random(coverage.shape) < 0.45)
+    assert ex.stroke_mask(grainy.astype(np.float32))[coverage > 0.99].mean() > 0.75
+
+
 def test_any_size_keeps_the_registration(tmp_path):
     coverage, points = ring(width=18, radius=240, centre=(384, 384), shape=(768, 768))
     path = save(tmp_path / "d.png", on_paper(coverage, (0, 0, 0), (1, 1, 1)))

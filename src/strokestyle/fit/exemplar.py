@@ -47,6 +47,9 @@ FULL = 0.9  # of the local peak: where clean ink, which is not blurred, is all s
 PEAK_SIZE, PEAK_SIGMA, MIN_PEAK = 17, 4.0, 0.1  # px, px, opacity: of the local peak
 # mean share of the local peak by which ink deep in a stroke differs from it: clean below this; and
 EVEN, MIN_DEEP = 0.03, 0.2  # the share of the ink that must lie deep for that to be told
+# mean share by which a line's ink changes along its middle, likewise: of flat ink 0.09 at most, on
+STEADY = 0.095  # lines of 1 px already; of a medium that needs closing 0.11 at least
+ALONG_SIGMA, ALONG_SPAN = 0.7, 3.0  # px: what a middle is seen under, and is compared with along it
 MAX_LITTER, SPECK = 0.004, 40  # share of the mask's area, and px of area, see _litter
 BLOT, MIN_BLOT = 0.25, 8.0  # of the mask, and px of area: less ink than that is no stroke
 
@@ -395,10 +398,11 @@ def _ink_over(
 def stroke_mask(alpha: np.ndarray, shows_grain: np.ndarray | None = None) -> np.ndarray:
     """Opacity (H, W) -> soft mask (H, W) of what the strokes cover, holes of the grain closed.
 
-    Clean ink, which leaves few specks and pinholes or is all of one opacity, needs no closing, and
-    its anti-aliased edges are kept as they are. A grainy medium is blurred by the least of
-    GRAIN_SIGMAS that leaves few specks and pinholes, then cut at CUT of its local peak, one pixel
-    soft. Where holes may be the drawing's own, `shows_grain` (H, W) bool is where they are not.
+    Clean ink, which leaves few specks and pinholes, is all of one opacity or changes little along
+    its lines, needs no closing, and its anti-aliased edges are kept as they are. A grainy medium
+    is blurred by the least of GRAIN_SIGMAS that leaves few specks and pinholes, then cut at CUT of
+    its local peak, one pixel soft. Where holes may be the drawing's own,
+    `shows_grain` (H, W) bool is where they are not.
     """
     sigma = _grain_sigma(alpha, np.ones(alpha.shape, bool) if shows_grain is None else shows_grain)
     smooth = ndimage.gaussian_filter(alpha, sigma) if sigma else alpha
@@ -420,7 +424,8 @@ def _grain_sigma(alpha: np.ndarray, where: np.ndarray) -> float:
 
     Looked at is the grain `where` (H, W) bool it shows.
     """
-    for sigma in (0.0,) if _unevenness(alpha) < EVEN else GRAIN_SIGMAS:
+    clean = _unevenness(alpha) < EVEN or _unsteadiness(alpha) < STEADY
+    for sigma in (0.0,) if clean else GRAIN_SIGMAS:
         smooth = ndimage.gaussian_filter(alpha, sigma) if sigma else alpha
         if _litter(smooth > CUT * _local_peak(alpha, max(sigma, 0.5)), where) < MAX_LITTER:
             break
@@ -445,6 +450,24 @@ def _unevenness(alpha: np.ndarray) -> float:
     if deep.sum() < MIN_DEEP * max(int(inside.sum()), 1):
         return 1.0
     return float(np.abs(alpha / peak - 1)[deep].mean())
+
+
+def _unsteadiness(alpha: np.ndarray) -> float:
+    """How far ink (H, W) differs, in the middle of its lines, from what it is along them.
+
+    As a share of it. That is told of lines too thin to have anything deep inside, too: where the
+    pixels' size, and no grain, takes ink off them, it takes as much a few pixels on.
+    """
+    seen = ndimage.gaussian_filter(alpha, ALONG_SIGMA)
+    peaks = [
+        (seen >= np.roll(seen, 1, axis)) & (seen >= np.roll(seen, -1, axis)) for axis in (0, 1)
+    ]
+    middle = (peaks[0] | peaks[1]) & (seen > CUT * _local_peak(alpha, 0.5))
+    if not middle.any():
+        return 1.0
+    count = ndimage.gaussian_filter(1.0 * middle, ALONG_SPAN)
+    mean = ndimage.gaussian_filter(seen * middle, ALONG_SPAN) / np.maximum(count, 1e-6)
+    return float(np.abs(seen / np.maximum(mean, 1e-6) - 1.0)[middle].mean())
 
 
 def _litter(inside: np.ndarray, where: np.ndarray) -> float:
