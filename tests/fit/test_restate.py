@@ -100,6 +100,16 @@ def test_one_line_with_another_beside_it_is_no_habit():
     assert find(planned, single) is None
 
 
+def test_ink_of_lines_that_crowd_tells_nothing():
+    """Of thirteen lines three stand alone: what they do may be what other lines do."""
+    planned, alpha, _ = gone_over(2, 3.0, 120.0)
+    assert find(planned, alpha) is not None
+    lines = [planned.xy[a:b] for a, b in pairwise(planned.offsets)]
+    lines += [line + [0, 12] for line in lines[3:]]
+    crowded = plan_strokes(Curves.from_list(lines, [CONTOUR] * 13), STEP, 0.0, 180.0, 0.0)
+    assert find(crowded, alpha) is None
+
+
 def test_outlines_are_gone_over_and_what_is_within_is_not():
     planned, alpha, _ = gone_over(2, 3.0, 120.0)
     kind = planned.kind.copy()

@@ -34,7 +34,8 @@ EDGE = 0.4  # of the highest: where the ink across a line begins
 FAINT = 0.1  # opacity below which there is no line
 WIDER = 1.3  # a line gone over is so many times as wide where its passes part, as a median
 LEAST_PARTED = 0.06  # of the points, below which passes cannot be told from chance
-LEAST_LINES, LEAST_POINTS = 3, 80  # lines on which passes part; points that stand alone
+LEAST_POINTS, LEAST_ALONE = 80, 0.3  # points that stand alone, and that share of all of them
+LONG, LEAST_LINES, LINES_SHARE = 5, 3, 0.25  # points: lines that part for so long; of all lines
 
 MOST_RIDGES = 5  # across a line; where there are more, it is not one
 PASSES = (2, 3, 4)
@@ -169,9 +170,13 @@ def _learned(
     stroke = owner(planned.offsets)
     told = across.known & group[stroke]
     parted = told & (across.number > 1)
-    if told.sum() < LEAST_POINTS or parted.sum() < LEAST_PARTED * told.sum():
+    every = planned.on_curve & group[stroke]
+    if told.sum() < max(LEAST_POINTS, LEAST_ALONE * every.sum()):
         return None
-    if len(np.unique(stroke[parted])) < LEAST_LINES:
+    seen, apart = (np.bincount(stroke[rows]) >= LONG for rows in (told, parted))
+    if apart.sum() < max(LEAST_LINES, LINES_SHARE * seen.sum()):
+        return None
+    if parted.sum() < LEAST_PARTED * told.sum():
         return None
     together = told & ~parted
     if np.median(across.extent[parted]) < WIDER * np.median(across.extent[together]):
