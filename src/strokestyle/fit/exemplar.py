@@ -8,6 +8,7 @@ mask is that opacity, closed over the grain just as far as it takes.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -218,7 +219,7 @@ def _placed(
         except ValueError:
             best = _Screened(whole[0], NO_DRAWING)
     else:
-        best = _best([_screened(reduced, one, name, curve_points) for one in whole])
+        best = _best(_screened(reduced, one, name, curve_points) for one in whole)
     if best.far_ink > SHEET_SOUGHT and not file.transparent:
         sheet = find_sheet(file.rgba[..., :3])
         if sheet is not None:
@@ -240,7 +241,7 @@ def _on_sheet(
     best, size = whole, whole.placing.map.size
     for turns in range(4):
         tried = sheet_placings(sheet, round(size[0]), round(size[1]), turns)
-        found = _best([_screened(reduced, one, name, curve_points) for one in tried])
+        found = _best(_screened(reduced, one, name, curve_points) for one in tried)
         if found.far_ink < FAR_REFUSED:
             best = _best([best, found])
         if best.far_ink < FAR_WARNED:
@@ -248,12 +249,15 @@ def _on_sheet(
     return best
 
 
-def _best(tried: list[_Screened]) -> _Screened:
-    """The first of those by which no other is clearly better."""
-    best = tried[0]
-    for one in tried[1:]:
-        if one.far_ink < best.far_ink - BETTER_LAYOUT:
+def _best(tried: Iterable[_Screened]) -> _Screened:
+    """The first of those by which no other is clearly better; no more are tried than it takes."""
+    best = None
+    for one in tried:
+        if best is None or one.far_ink < best.far_ink - BETTER_LAYOUT:
             best = one
+        if best.far_ink <= BETTER_LAYOUT:
+            break
+    assert best is not None  # there is one layout at least
     return best
 
 
