@@ -7,6 +7,7 @@ import pytest
 from known_law import SIZE, Law, blobs, exemplar_of
 from scipy import ndimage
 
+from strokestyle.cli.fit import drawn_lines
 from strokestyle.drawing.strokes import Strokes
 from strokestyle.fit.choice import find_drawn, learn_lines
 from strokestyle.geometry.curves import KINDS, Curves, owner
@@ -68,6 +69,17 @@ def test_counts_are_told():
     assert found.about["lines_drawn"] == 9 and found.about["lines"] == 18
     share = length(VIEW.only(LAWS["contours"](VIEW))) / length(VIEW)
     assert found.about["share_drawn"] == pytest.approx(share, abs=0.02)
+
+
+def test_of_hardly_any_lines_no_choice_is_learned_and_none_is_said_to_be_drawn():
+    line = owner(VIEW.curves.offsets)
+    one = line == VIEW.curves.lengths().argmin()
+    assert one.mean() < 0.05
+    found = learn_lines(VIEW, drawn_by(VIEW, one).mask)
+    assert found.choice is None and length(found.view) == length(VIEW)
+    assert found.about["lines_drawn"] <= 1 and found.about["share_drawn"] < 0.05
+    assert drawn_lines(found.about, chose=False).endswith("all lines will be drawn")
+    assert drawn_lines(found.about).startswith(f"drew {found.about['lines_drawn']} of 18 lines (")
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,8 @@ from .shape import Shape
 if TYPE_CHECKING:
     import numpy as np
 
+UNEXPLAINED = 0.9  # share of the lines' length drawn, below which one is told that no law was found
+
 
 @click.command(
     epilog="""\b
@@ -143,7 +145,7 @@ def fit(
     save_style(output, fitted.style)
     checkpoint.remove()
     write_picture(picture, fit_report(view, exemplar, fitted))
-    say(f"{drawing}: {drawn_lines(fitted.style.about)}")
+    say(f"{drawing}: {drawn_lines(fitted.style.about, fitted.style.choice is not None)}")
     if fitted.learned is not None:
         words = account(exemplar, fitted.learned).words(max(size))
         if words:
@@ -151,13 +153,19 @@ def fit(
     say(f"{drawing}: learned in {time.perf_counter() - started:.0f} s -> {output}, {picture}")
 
 
-def drawn_lines(about: dict[str, Any]) -> str:
-    """Tell how many of the lines the artist drew: "drew 31 of 54 lines (62 % of their length)"."""
+def drawn_lines(about: dict[str, Any], chose: bool = True) -> str:
+    """Tell how many of the lines the artist drew: "drew 31 of 54 lines (62 % of their length)".
+
+    Where many were left out and it was not learned how the artist `chose`, it tells that too.
+    """
     count, total = about["lines_drawn"], about["lines"]
     if count == total:
         return f"drew all {total} lines" if total > 1 else "drew the one line"
     share = min(100.0 * about["share_drawn"], 99.0)
-    return f"drew {count} of {total} lines ({share:.0f} % of their length)"
+    told = f"drew {count} of {total} lines ({share:.0f} % of their length)"
+    if chose or about["share_drawn"] > UNEXPLAINED:
+        return told
+    return f"{told}, too few or too unlike to learn which; all lines will be drawn"
 
 
 def say_how_it_begins(checkpoint: Path, resume: bool, minutes: float | None) -> None:

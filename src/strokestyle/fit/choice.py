@@ -105,8 +105,10 @@ def learn_lines(view: View, mask: np.ndarray) -> DrawnLines:
     there = aligned_curves(view, mask, StyleConfig(size=max(mask.shape)))
     drawn = find_drawn(there, mask, ~expected)
     if not drawn.any() or drawn.mean() < MIN_DRAWN:
-        drawn = expected  # where hardly anything lies on a line, that is no choice of lines
-    elif (expected & drawn).sum() >= ALL_DRAWN * expected.sum():
+        # where hardly anything lies on a line, that is no choice of lines
+        taken = replace(view.only(expected), optional=None)
+        return DrawnLines(taken, None, _counted(curves, drawn & expected, expected))
+    if (expected & drawn).sum() >= ALL_DRAWN * expected.sum():
         drawn = drawn | expected
     choice = learn_choice(view, drawn)
     meant = expected if choice is None else chosen_points(view, choice)
