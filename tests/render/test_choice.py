@@ -13,6 +13,7 @@ from strokestyle.render.choice import (
     COLUMNS,
     choose_lines,
     learn_choice,
+    leaves_nothing,
     line_columns,
     unknown_kinds,
 )
@@ -60,6 +61,14 @@ def test_one_short_line_left_out_is_an_accident():
     drawn = owner(VIEW.curves.offsets) != 1
     assert VIEW.curves.kind[1] == CREASE
     assert len(choose_lines(VIEW, learn_choice(VIEW, drawn)).curves) == len(VIEW.curves)
+
+
+def test_where_no_line_is_one_to_draw_all_are_and_that_is_told():
+    creases = VIEW.only(~IS_CONTOUR)
+    assert leaves_nothing(creases, CONTOURS_ONLY)
+    assert len(choose_lines(creases, CONTOURS_ONLY).curves) == len(creases.curves)
+    assert not leaves_nothing(VIEW, CONTOURS_ONLY) and not leaves_nothing(creases, None)
+    assert not leaves_nothing(VIEW.only(np.zeros(len(IS_CONTOUR), bool)), CONTOURS_ONLY)
 
 
 def test_kinds_that_the_exemplar_lacked():

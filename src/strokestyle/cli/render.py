@@ -256,17 +256,23 @@ def draw_shape(settings: RenderSettings, job: Job) -> str:
     if settings.choice == "all":
         style = replace(style, choice=None)
     optional = style.choice is not None and style.choice.optional is not None
-    written, left_out = [], set()
+    written, left_out, kept = [], set(), False
     for side, view in enumerate(Shape(job.shape, settings.shape).views(optional)):
         with timed("draw"):
             lines = style.choose(view)
             drawing = style.draw(lines, seed=settings.seed, choice="all")
         left_out.update(unknown_kinds(view, lines, style.choice))
+        kept |= style.leaves_nothing(view)
         written += write_side(settings, job, side, lines, drawing)
     if left_out:
         say(
             f"warning: {job.shape}: drawn without lines of kind {', '.join(sorted(left_out))}, "
             "which the exemplar did not have; --choice all draws them"
+        )
+    if kept:
+        say(
+            f"warning: {job.shape}: none of its lines is one that the artist would draw; "
+            "all are drawn"
         )
     files = ", ".join(written) if len(written) < 4 else f"{written[0]} ... {written[-1]}"
     empty = not len(view.curves)

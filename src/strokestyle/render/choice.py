@@ -415,6 +415,16 @@ def choose_lines(view: View, choice: LineChoice | None, scale: float = 1.0) -> V
     return replace(expected, optional=None)
 
 
+def leaves_nothing(view: View, choice: LineChoice | None, scale: float = 1.0) -> bool:
+    """Tell whether a style's laws leave out every line of a view, so that all are drawn.
+
+    `scale` is as in `choose_lines`.
+    """
+    if choice is None or not len(view.curves) or not view.maps.covered.any():
+        return False
+    return not chosen_points(view, choice, scale).any()
+
+
 def unknown_kinds(view: View, left: View, choice: LineChoice | None) -> list[str]:
     """Name the kinds of line left out of a view as such, and of which the exemplar had none."""
     if choice is None or choice.required is None:

@@ -21,7 +21,7 @@ from ..drawing.strokes import Drawing, Strokes, Texture
 from ..extract.feature_maps import NEURAL_STROKES_MAPS
 from ..extract.view import View
 from ..geometry.curves import arc_length, owner, tangents
-from .choice import LineChoice, choose_lines
+from .choice import LineChoice, choose_lines, leaves_nothing
 from .coverage import coverage
 from .networks import PathNet, SurfaceNet, TextureNet
 
@@ -57,6 +57,10 @@ class NeuralStrokesStyle:
     def choose(self, view: View) -> View:
         """Leave out of a view the lines, and parts of lines, that the artist would not draw."""
         return choose_lines(view, self.choice)
+
+    def leaves_nothing(self, view: View) -> bool:
+        """Tell whether the artist would draw no line of a view, so that `choose` keeps all."""
+        return leaves_nothing(view, self.choice)
 
     def draw(self, view: View, seed: int = 0, choice: str = "learned") -> Drawing:
         """Draw a view, in its pixels. There is no chance in this style: `seed` changes nothing.

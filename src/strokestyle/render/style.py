@@ -16,7 +16,7 @@ from ..drawing.strokes import Drawing, Strokes, Texture
 from ..extract.view import View
 from ..geometry.curves import arc_length, owner
 from ..geometry.parts import Pieces
-from .choice import LineChoice, choose_lines
+from .choice import LineChoice, choose_lines, leaves_nothing
 from .config import HAIR, StyleConfig
 from .displacement import Frame, displaced
 from .features import FeatureScaling, plan, point_features, surface_at
@@ -104,6 +104,10 @@ class Style:
     def choose(self, view: View) -> View:
         """Leave out of a view the lines, and parts of lines, that the artist would not draw."""
         return choose_lines(view, self.choice, self._scale(view))
+
+    def leaves_nothing(self, view: View) -> bool:
+        """Tell whether the artist would draw no line of a view, so that `choose` keeps all."""
+        return leaves_nothing(view, self.choice, self._scale(view))
 
     def draw(self, view: View, seed: int = 0, choice: str = "learned") -> Drawing:
         """Draw a view: strokes in its pixels, with texture.
