@@ -191,6 +191,52 @@ class Learned:
     rejected: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """Training strokes laid on a drawing, and what is seen of it there.
+
+    Parameters
+    ----------
+    exemplar : the drawing, its mask closed over no gap between the passes of one line
+    training : the strokes, N points, as many for a line as it has passes
+    alignment : theirs
+    ink : the drawing's, sorted by what it is for
+    passes : over the lines, where they were gone over more than once
+    measured : across the strokes
+    shown : (N,) the mask at the points
+    taken : (N,) bool, where that is another stroke's ink
+    """
+
+    exemplar: Exemplar
+    training: TrainingStrokes
+    alignment: Alignment
+    ink: SortedInk
+    passes: Passes | None
+    measured: Observation
+    shown: np.ndarray
+    taken: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Pulled:
+    """Training strokes as the drawing has them, from where the pen is set down to its lift.
+
+    Parameters
+    ----------
+    training : the strokes, N points
+    traced : the same on the drawing
+    found : what they teach
+    agrees : (N,) bool, where trace and measure do
+    overshoots : past the ends of the lines
+    """
+
+    training: TrainingStrokes
+    traced: Traced
+    found: Observation
+    agrees: np.ndarray
+    overshoots: Overshoots | None
+
+
 def fit_quick(
     view: View,
     exemplar: Exemplar,
@@ -210,11 +256,33 @@ def fit_quick(
     report = report or Reporter(None, 1)
     style_config = replace(config.style, size=max(exemplar.mask.shape))
     style_config = learn_manner(view, exemplar.mask, style_config)
-    training = TrainingStrokes.of(view, style_config, device)
+    seen = _seen(view, exemplar, style_config, device)
+    # The law is learned twice. What is measured across the strokes is wrong where lines crowd, but
+    # its law is a start from which the trace finds the right line; the law that is kept is
+    # learned from the traced strokes.
+    rough_law = learn_law(seen.training, seen.measured, seen.alignment.free, config, seed, report)
+    traced = _traced(seen, rough_law, config, report, checkpoint, until)
+    pulled = _pulled(view, seen, traced)
+    law = learn_law(pulled.training, pulled.found, seen.alignment.free, config, seed, report)
+    style = _style(seen, pulled, law, config)
+    strokes, rows = pulled.traced.strokes(pulled.training.planned)
+    if config.texture and len(strokes):
+        report("texture", 0, 1, {})
+        features = pulled.training.features.double().cpu().numpy()[rows]
+        style = replace(style, bank=learn_texture(strokes, features, seen.exemplar, seed))
+        report("texture", 1, 1, {})
+    planned = pulled.training.planned
+    doubted = long_runs(planned.on_curve & ~pulled.agrees, planned.offsets, REJECTED_RUN)
+    return Learned(style, strokes, seen.ink, seen.alignment, planned.xy[doubted])
+
+
+def _seen(view: View, exemplar: Exemplar, config: StyleConfig, device: torch.device) -> _Seen:
+    """Lay the strokes of a view on the drawing, and look what is there."""
+    training = TrainingStrokes.of(view, config, device)
     deformations = training.tensors.deformations.double().cpu().numpy()
-    alignment = align(exemplar.mask, training.planned, deformations, style_config.spacing)
+    alignment = align(exemplar.mask, training.planned, deformations, config.spacing)
     training = training.aligned(alignment)
-    passes = find_passes(exemplar.alpha, training.planned, training.normals, style_config.spacing)
+    passes = find_passes(exemplar.alpha, training.planned, training.normals, config.spacing)
     if passes is not None:
         exemplar = passes.lines(exemplar)
     ink = training.sorted_ink(exemplar.mask)
@@ -226,36 +294,18 @@ def fit_quick(
     shown = sample_image(ink.lines, training.planned.xy)
     taken = taken_ink(training.planned, alignment.explained, shown)
     measured = disbelieved(measured, taken)
-    # The law is learned twice. What is measured across the strokes is wrong where lines crowd, but
-    # its law is a start from which the trace finds the right line; the law that is kept is
-    # learned from the traced strokes.
-    rough_law = learn_law(training, measured, alignment.free, config, seed, report)
-    start = thin_start(begin_past_ends(training, rough_law(training), ink.lines), taken)
-    traced = _trace(training, start, ink.lines, config, report, checkpoint, until)
-    found, agrees = traced.observed(training.tensors, measured, shown)
-    found = disbelieved(found if passes is None else passes.doubted(found), taken)
-    past, clear = pen_ends(training.planned, *traced.arrays(), ink.lines, style_config.spacing)
-    training, rows = training.lifted(view, past, alignment.shift)
-    traced, found, agrees = traced.part(rows), found.part(rows), agrees[rows]
-    law = learn_law(training, found, alignment.free, config, seed, report)
-    residuals = None
-    if config.residuals > 0:
-        off = config.residuals * _residuals(training, law, traced)
-        residuals = learn_residuals(off, training.planned, agrees, style_config.spacing)
-    style = _style(training, law, residuals, replace(exemplar, mask=ink.lines))
-    style = replace(
-        style,
-        overshoots=Overshoots.of(np.where(clear, past, np.nan)),
-        restating=None if passes is None else passes.restating,
-    )
-    strokes, rows = traced.strokes(training.planned)
-    if config.texture and len(strokes):
-        report("texture", 0, 1, {})
-        features = training.features.double().cpu().numpy()[rows]
-        style = replace(style, bank=learn_texture(strokes, features, exemplar, seed))
-        report("texture", 1, 1, {})
-    doubted = long_runs(training.planned.on_curve & ~agrees, training.planned.offsets, REJECTED_RUN)
-    return Learned(style, strokes, ink, alignment, training.planned.xy[doubted])
+    return _Seen(exemplar, training, alignment, ink, passes, measured, shown, taken)
+
+
+def _pulled(view: View, seen: _Seen, traced: Traced) -> _Pulled:
+    """Begin and end the traced strokes where the pen does, and choose what they teach."""
+    training, spacing = seen.training, seen.training.config.spacing
+    found, agrees = traced.observed(training.tensors, seen.measured, seen.shown)
+    found = disbelieved(found if seen.passes is None else seen.passes.doubted(found), seen.taken)
+    past, clear = pen_ends(training.planned, *traced.arrays(), seen.ink.lines, spacing)
+    training, rows = training.lifted(view, past, seen.alignment.shift)
+    overshoots = Overshoots.of(np.where(clear, past, np.nan))
+    return _Pulled(training, traced.part(rows), found.part(rows), agrees[rows], overshoots)
 
 
 def long_runs(flags: np.ndarray, offsets: np.ndarray, length: int) -> np.ndarray:
@@ -381,16 +431,17 @@ def thin_start(start: Traced, where: np.ndarray) -> Traced:
     return replace(start, log_width=start.log_width.masked_fill(thin, float(np.log(HAIR))))
 
 
-def _trace(
-    training: TrainingStrokes,
-    start: Traced,
-    mask: np.ndarray,
+def _traced(
+    seen: _Seen,
+    law: StrokeLaw,
     config: FitConfig,
     report: Reporter,
     checkpoint: Checkpoint,
     until: float | None,
 ) -> Traced:
-    """Trace the drawing's strokes from where they are begun, in as many steps as fit."""
+    """Trace the drawing's strokes, beginning where the law has them, in as many steps as fit."""
+    training, mask = seen.training, seen.ink.lines
+    start = thin_start(begin_past_ends(training, law(training), mask), seen.taken)
     strokes = training.tensors
     target = MaskPyramid.of(mask, training.planned.xy, config.levels, strokes.xy.device)
 
@@ -467,10 +518,13 @@ def learn_residuals(
     )
 
 
-def _style(
-    training: TrainingStrokes, law: StrokeLaw, residuals: Residuals | None, exemplar: Exemplar
-) -> Style:
+def _style(seen: _Seen, pulled: _Pulled, law: StrokeLaw, config: FitConfig) -> Style:
     """Put what was learned together: a style of flat ink."""
+    training, residuals = pulled.training, None
+    if config.residuals > 0:
+        off = config.residuals * _residuals(training, law, pulled.traced)
+        spacing = training.config.spacing
+        residuals = learn_residuals(off, training.planned, pulled.agrees, spacing)
     curves = {name: value.cpu().numpy() for name, value in law.thickness.state_dict().items()}
     return Style(
         config=training.config,
@@ -478,7 +532,9 @@ def _style(
         displacement=law.displacement.cpu().numpy(),
         scaling=training.scaling,
         residuals=residuals,
-        color=_flat_ink(exemplar),
+        overshoots=pulled.overshoots,
+        restating=None if seen.passes is None else seen.passes.restating,
+        color=_flat_ink(replace(seen.exemplar, mask=seen.ink.lines)),
     )
 
 
