@@ -9,6 +9,7 @@ from small_styles import plain_style
 
 from strokestyle.extract.pipeline import view_of_lines
 from strokestyle.geometry.curves import KINDS, Curves, owner
+from strokestyle.render import choice as choice_module
 from strokestyle.render.choice import (
     COLUMNS,
     choose_lines,
@@ -63,10 +64,16 @@ def test_one_short_line_left_out_is_an_accident():
     assert len(choose_lines(VIEW, learn_choice(VIEW, drawn)).curves) == len(VIEW.curves)
 
 
-def test_where_no_line_is_one_to_draw_all_are_and_that_is_told():
+def test_where_hardly_a_line_is_one_to_draw_all_are_and_that_is_told(monkeypatch):
+    monkeypatch.setattr(choice_module, "LEAST_LEFT", 0.2)
     creases = VIEW.only(~IS_CONTOUR)
     assert leaves_nothing(creases, CONTOURS_ONLY)
     assert len(choose_lines(creases, CONTOURS_ONLY).curves) == len(creases.curves)
+    scrap = ~IS_CONTOUR
+    scrap[np.flatnonzero(IS_CONTOUR)[: int(0.1 * scrap.sum())]] = True
+    nearly = VIEW.only(scrap)
+    assert np.isin(CONTOUR, nearly.curves.kind) and leaves_nothing(nearly, CONTOURS_ONLY)
+    assert len(choose_lines(nearly, CONTOURS_ONLY).curves) == len(nearly.curves)
     assert not leaves_nothing(VIEW, CONTOURS_ONLY) and not leaves_nothing(creases, None)
     assert not leaves_nothing(VIEW.only(np.zeros(len(IS_CONTOUR), bool)), CONTOURS_ONLY)
 

@@ -271,8 +271,8 @@ def draw_shape(settings: RenderSettings, job: Job) -> str:
         )
     if kept:
         say(
-            f"warning: {job.shape}: none of its lines is one that the artist would draw; "
-            "all are drawn"
+            f"warning: {job.shape}: hardly one of its lines is one that the artist would "
+            "draw; all are drawn"
         )
     files = ", ".join(written) if len(written) < 4 else f"{written[0]} ... {written[-1]}"
     empty = not len(view.curves)

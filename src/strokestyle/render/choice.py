@@ -53,6 +53,7 @@ DRAWN, LEFT_OUT = (12.0, 0.4), (0.4, 6.0)  # beta priors of a point's being draw
 SOME_KINDS, ONE_THRESHOLD, SECOND = -2.5, -3.0, -1.5
 NEAR_BELOW = 0.25  # see _limits
 SINGLES, KEPT = 48, 96  # the best laws that are paired, and that are kept
+LEAST_LEFT = 0.02  # of the length of a view: of less nobody makes a drawing
 EVEN = 0.5  # a point that is likelier drawn than this is drawn
 MIN_RUN = 12.0  # px; a line is not interrupted, nor taken up, for less
 ALL_DRAWN = 0.985  # share of the lines' length above which nothing is said to be left out
@@ -404,25 +405,30 @@ def choose_lines(view: View, choice: LineChoice | None, scale: float = 1.0) -> V
     """Leave out of a view the lines, and parts of lines, that a style does not draw.
 
     Without a choice only optional lines go. Where no surface is seen behind the lines, as where a
-    drawing is drawn anew, and where nothing would be left, all are drawn.
+    drawing is drawn anew, and where hardly anything would be left, all are drawn.
 
     `scale` is how many px of the view one of the style's canvas is.
     """
     expected = view.only(view.required)
     if choice is not None and len(view.curves) and view.maps.covered.any():
-        left = view.only(chosen_points(view, choice, scale))
-        expected = left if len(left.curves) else expected
+        drawn = chosen_points(view, choice, scale)
+        expected = expected if _hardly_any(drawn) else view.only(drawn)
     return replace(expected, optional=None)
 
 
 def leaves_nothing(view: View, choice: LineChoice | None, scale: float = 1.0) -> bool:
-    """Tell whether a style's laws leave out every line of a view, so that all are drawn.
+    """Tell whether a style's laws leave hardly a line of a view, so that all are drawn.
 
     `scale` is as in `choose_lines`.
     """
     if choice is None or not len(view.curves) or not view.maps.covered.any():
         return False
-    return not chosen_points(view, choice, scale).any()
+    return _hardly_any(chosen_points(view, choice, scale))
+
+
+def _hardly_any(drawn: np.ndarray) -> bool:
+    """Whether so few points are drawn (N,) bool that the laws cannot be meant for such a view."""
+    return bool(drawn.mean() < LEAST_LEFT)
 
 
 def unknown_kinds(view: View, left: View, choice: LineChoice | None) -> list[str]:
