@@ -96,3 +96,10 @@ def test_what_one_end_does_is_no_habit():
     assert Overshoots.of(past).first.max() == 0 and len(Overshoots.of(past).first) == 19
     past[5:9, 0] = 18.0
     assert Overshoots.of(past).first.max() == 21
+
+
+def test_a_pen_lifted_short_of_most_ends_does_not_overshoot_the_others():
+    past = np.full((20, 2), -14.0)
+    past[3] = 0.0, 21.0
+    known = Overshoots.of(past)
+    assert known.last.max() == -14 and len(known.last) == 19 and len(known.first) == 20

@@ -34,10 +34,12 @@ class Overshoots:
         """Keep what is known of lengths (C, 2), where NaN is not.
 
         What only an end or two do is no habit: it is as likely another line's ink, and left out.
+        Who lifts the pen short of most ends has not the habit of overshooting others.
         """
-        far = np.abs(past) > NOTABLE
-        if far.sum() < max(LEAST_HABIT, LEAST_SHARE * np.isfinite(past).sum()):
-            past = np.where(far, np.nan, past)
+        least = max(LEAST_HABIT, LEAST_SHARE * np.isfinite(past).sum())
+        for far in (past > NOTABLE, past < -NOTABLE):
+            if far.sum() < least:
+                past = np.where(far, np.nan, past)
         return cls(*(end[np.isfinite(end)].astype(np.float32) for end in past.T))
 
     def sample(self, planned: Planned, rng: np.random.Generator) -> np.ndarray:
