@@ -49,6 +49,22 @@ def drawing(count=12, texture=None, seed=0):
     return Drawing(strokes, (160, 120), color, strips)
 
 
+def strokes_of(*lines, thickness=8.0):
+    """Straight strokes through points, evenly wide."""
+    fine = [
+        np.stack([np.linspace(a, b, 30) for a, b in zip(line[0], line[-1], strict=True)], axis=1)
+        for line in lines
+    ]
+    count = len(fine)
+    return Strokes(
+        np.concatenate(fine),
+        np.full(30 * count, thickness),
+        30 * np.arange(count + 1),
+        np.zeros(count),
+        np.zeros(count, bool),
+    )
+
+
 def rendered(text, scale=1.0):
     return np.asarray(Image.open(io.BytesIO(png_from_svg(text, scale))).convert("RGB")).astype(
         float

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_drawings import strokes_of
 
 from strokestyle.drawing.strokes import Strokes
 from strokestyle.fit.exemplar import Exemplar
@@ -18,22 +19,6 @@ from strokestyle.fit.texture import (
 from strokestyle.render.texture_bank import ROWS, Rows, stroke_rows
 
 WIDTH, HEIGHT = 200, 100
-
-
-def strokes_of(*lines, thickness=8.0):
-    """Straight strokes through points, evenly wide."""
-    fine = [
-        np.stack([np.linspace(a, b, 30) for a, b in zip(line[0], line[-1], strict=True)], axis=1)
-        for line in lines
-    ]
-    count = len(fine)
-    return Strokes(
-        np.concatenate(fine),
-        np.full(30 * count, thickness),
-        30 * np.arange(count + 1),
-        np.zeros(count),
-        np.zeros(count, bool),
-    )
 
 
 def exemplar_of(alpha, ink=None):
