@@ -7,7 +7,10 @@ import pytest
 
 SOURCE = Path(__file__).parent.parent / "src" / "strokestyle"
 # A package imports only packages that stand before its bar.
-RULE = "files | geometry | mesh | extract, drawing | svg | viewer | render | fit | cli"
+RULE = (
+    "files | geometry | mesh | extract, drawing | svg | viewer | render, film, batch | fit, "
+    "motion | cli"
+)
 # Shapes and drawings are two halves that meet in render.
 STRANGERS = {("drawing", "mesh"), ("svg", "mesh"), ("svg", "extract"), ("viewer", "extract")}
 RANK = {name: i for i, group in enumerate(RULE.split(" | ")) for name in group.split(", ")}

@@ -50,7 +50,7 @@ _PUBLIC = {
     "move": "drawing.edit",
     "parse_section": "mesh.planes",
     "plain_svg": "svg.write",
-    "plan_outputs": "render.batch",
+    "plan_outputs": "batch.plan",
     "png_from_svg": "svg.write",
     "rasterise": "drawing.raster",
     "read_svg": "svg.read",

@@ -154,7 +154,7 @@ def edit(
     (text, shapes of your own), and clips, gradients and filters on strokes are not kept. IN.svg may
     be - for standard input. Points and sizes are pixels of the drawing.
     """
-    from ..render.batch import SVG_SUFFIXES
+    from ..batch.plan import SVG_SUFFIXES
 
     if output != STANDARD_OUTPUT and Path(output).suffix.lower() not in SVG_SUFFIXES:
         raise click.UsageError(f"{output}: edit writes .svg or .svgz")

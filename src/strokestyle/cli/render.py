@@ -31,9 +31,9 @@ from .outputs import STANDARD_OUTPUT, write_preview, write_svg_text
 from .shape import Shape
 
 if TYPE_CHECKING:
+    from ..batch.plan import Job
     from ..drawing.strokes import Drawing
     from ..extract.view import View
-    from ..render.batch import Job
 
 ENCODINGS = {"vector": "grain as paths", "image": "texture as images", "none": "flat ink"}
 
@@ -185,7 +185,7 @@ def render(
 
 def plan(shapes: tuple[str, ...], output: str) -> list[Job]:
     """Which file each shape goes to; where that is not clear, the command line is wrong."""
-    from ..render.batch import UnclearOutput, plan_outputs
+    from ..batch.plan import UnclearOutput, plan_outputs
 
     try:
         return plan_outputs(shapes, output)
@@ -284,7 +284,7 @@ def write_side(
     settings: RenderSettings, job: Job, side: int, view: View, drawing: Drawing
 ) -> list[str]:
     """Write what is asked for of one side of a shape; what to say of each."""
-    from ..render.batch import numbered_output, picture_suffix
+    from ..batch.plan import numbered_output, picture_suffix
 
     title, count = Path(job.shape).stem, settings.shape["turntable"]
     written = []

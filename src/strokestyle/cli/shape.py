@@ -37,7 +37,7 @@ class Shape:
     """
 
     def __init__(self, path: str, options: Mapping[str, Any]):
-        from ..render.batch import VIEW_SUFFIXES
+        from ..batch.plan import VIEW_SUFFIXES
 
         self.path, self.options = path, options
         self.is_view = Path(path).suffix.lower() in VIEW_SUFFIXES

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from strokestyle.render.batch import (
+from strokestyle.batch.plan import (
     STANDARD_OUTPUT,
     Job,
     UnclearOutput,

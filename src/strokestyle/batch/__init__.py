@@ -1,0 +1,1 @@
+"""Many shapes: which files are drawn and where to, by whom, and what became of each."""

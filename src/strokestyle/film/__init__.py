@@ -1,0 +1,1 @@
+"""Drawings one after the other -> a film: GIF, APNG, WebP, MP4, a page."""

@@ -1,0 +1,1 @@
+"""Views one after the other -> strokes that persist and move from frame to frame."""
