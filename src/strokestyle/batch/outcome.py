@@ -5,10 +5,26 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 # Why a shape was not drawn: it cannot be; more memory or time than it was given; its worker died.
 FAILURES = ("error", "memory", "timeout", "killed")
+
+
+class Drawn(NamedTuple):
+    """What was made of a shape.
+
+    Parameters
+    ----------
+    told : what the person reads of it
+    files : all that was written
+    lines, strokes : how many were drawn, of all sides
+    """
+
+    told: str
+    files: list[str]
+    lines: int
+    strokes: int
 
 
 @dataclass(frozen=True)
@@ -33,7 +49,8 @@ class Outcome:
     key : digest of all that decides the drawing's bytes: version, model, options, the shape's
         content; "" where the shape could not be read
     digest : digest of the content of `files`
-    told : the line that the person reads; no part of the journal
+    told : what the person reads of it, a line each, and how much the person must want to hear for
+        it (-1 with -q too, 1 with -v); no part of the journal
 
     Raises
     ------
@@ -56,7 +73,7 @@ class Outcome:
     worker: str = ""
     key: str = ""
     digest: str = ""
-    told: str = field(default="", compare=False)
+    told: tuple[tuple[int, str], ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         if (self.failure is None) != (self.error is None):

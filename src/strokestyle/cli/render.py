@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import os
 import sys
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,7 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from .. import __version__
-from .messages import count_curves, describe, say, timed
+from .batch import draw_batch
+from .messages import count_curves, say, timed
 from .model import read_style
 from .options import (
     CHOICES,
@@ -31,6 +31,7 @@ from .outputs import STANDARD_OUTPUT, write_preview, write_svg_text
 from .shape import Shape
 
 if TYPE_CHECKING:
+    from ..batch.outcome import Drawn
     from ..batch.plan import Job
     from ..drawing.strokes import Drawing
     from ..extract.view import View
@@ -179,7 +180,7 @@ def render(
         stages_scale=png_scale,
         choice=choice,
     )
-    if draw_batch(settings, batch, jobs):
+    if draw_batch(functools.partial(draw_shape, settings), model, batch, jobs):
         sys.exit(1)
 
 
@@ -193,77 +194,30 @@ def plan(shapes: tuple[str, ...], output: str) -> list[Job]:
         raise click.UsageError(str(error)) from None
 
 
-# --------------------------------------------------------------------------------------- the batch
-
-
-class Outcome(NamedTuple):
-    """What became of one shape: what was written, or else the error."""
-
-    done: str = ""
-    error: str = ""
-
-
-def draw_batch(settings: RenderSettings, batch: list[Job], jobs: int) -> int:
-    """Draw all shapes, `jobs` at a time, and say what became of each; the number that failed."""
-    draw = functools.partial(try_to_draw, settings)
-    workers = min(jobs, len(batch))
-    if workers == 1:
-        return report(map(draw, batch), len(batch))
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    with ProcessPoolExecutor(workers, get_context("spawn"), share_cores, (workers,)) as pool:
-        return report(pool.map(draw, batch), len(batch))
-
-
-def share_cores(workers: int) -> None:
-    """In a new process, before the libraries that read this are imported."""
-    os.environ["OMP_NUM_THREADS"] = str(max(1, (os.cpu_count() or 1) // workers))
-
-
-def report(outcomes: Iterable[Outcome], total: int) -> int:
-    """Say what became of each shape as it is done; the number that failed."""
-    failed = 0
-    for outcome in outcomes:
-        if outcome.error:
-            say(f"strokestyle: {outcome.error}", level=-1)
-            failed += 1
-        else:
-            say(outcome.done)
-    if failed and total > 1:
-        say(f"{total - failed} of {total} shapes drawn", level=-1)
-    return failed
-
-
-def try_to_draw(settings: RenderSettings, job: Job) -> Outcome:
-    """Draw one shape; its errors are part of the outcome, so that they do not stop the batch."""
-    try:
-        return Outcome(done=draw_shape(settings, job))
-    except (ValueError, OSError, MemoryError) as error:
-        line = describe(error)
-        named = any(name in line for name in (job.shape, settings.model, job.output))
-        return Outcome(error=line if named else f"{job.shape}: {line}")
-
-
 # --------------------------------------------------------------------------------------- one shape
 
 
-def draw_shape(settings: RenderSettings, job: Job) -> str:
-    """Draw one shape from all sides that are asked for, and write that; what to say of it."""
+def draw_shape(settings: RenderSettings, job: Job) -> Drawn:
+    """Draw one shape from all sides that are asked for, and write that."""
+    from ..batch.outcome import Drawn
     from ..render.choice import unknown_kinds
 
     style = read_style(settings.model, settings.device)
     if settings.choice == "all":
         style = replace(style, choice=None)
     optional = style.choice is not None and style.choice.optional is not None
-    written, left_out, kept = [], set(), False
+    told, files, left_out, kept = [], [], set(), False
+    drawn_lines, strokes = 0, 0
     for side, view in enumerate(Shape(job.shape, settings.shape).views(optional)):
         with timed("draw"):
             lines = style.choose(view)
             drawing = style.draw(lines, seed=settings.seed, choice="all")
         left_out.update(unknown_kinds(view, lines, style.choice))
         kept |= style.leaves_nothing(view)
-        written += write_side(settings, job, side, lines, drawing)
+        drawn_lines, strokes = drawn_lines + len(lines.curves), strokes + len(drawing.strokes)
+        for written in write_side(settings, job, side, lines, drawing):
+            told.append(written.told)
+            files += written.files
     if left_out:
         say(
             f"warning: {job.shape}: drawn without lines of kind {', '.join(sorted(left_out))}, "
@@ -274,16 +228,24 @@ def draw_shape(settings: RenderSettings, job: Job) -> str:
             f"warning: {job.shape}: hardly one of its lines is one that the artist would "
             "draw; all are drawn"
         )
-    files = ", ".join(written) if len(written) < 4 else f"{written[0]} ... {written[-1]}"
+    where = ", ".join(told) if len(told) < 4 else f"{told[0]} ... {told[-1]}"
     empty = not len(view.curves)
     note = " (no visible curves from this view: an empty drawing)" if empty else ""
-    return f"{job.shape}: {count_curves(lines.curves, len(view.curves))} -> {files}{note}"
+    summary = f"{job.shape}: {count_curves(lines.curves, len(view.curves))} -> {where}{note}"
+    return Drawn(summary, files, drawn_lines, strokes)
+
+
+class Written(NamedTuple):
+    """Files of one kind, and what to say of them."""
+
+    told: str
+    files: list[str]
 
 
 def write_side(
     settings: RenderSettings, job: Job, side: int, view: View, drawing: Drawing
-) -> list[str]:
-    """Write what is asked for of one side of a shape; what to say of each."""
+) -> list[Written]:
+    """Write what is asked for of one side of a shape."""
     from ..batch.plan import numbered_output, picture_suffix
 
     title, count = Path(job.shape).stem, settings.shape["turntable"]
@@ -298,8 +260,8 @@ def write_side(
     return written
 
 
-def write_drawing(settings: RenderSettings, drawing: Drawing, output: str, title: str) -> str:
-    """Write one drawing, and its preview; what to say of it."""
+def write_drawing(settings: RenderSettings, drawing: Drawing, output: str, title: str) -> Written:
+    """Write one drawing, and its preview."""
     from ..svg.format import SvgOptions
     from ..svg.write import resolve_texture, write_svg
 
@@ -308,17 +270,18 @@ def write_drawing(settings: RenderSettings, drawing: Drawing, output: str, title
         look = resolve_texture(drawing, SvgOptions(**{**made_by, **settings.look}))
         text = write_svg(drawing, look)
         write_svg_text(output, text)
-    written = output
+    files = [output]
     if settings.preview:
         with timed("preview"):
-            written += f", {write_preview(output, text, settings.preview)}"
-    return written if look.plotter else f"{written} ({ENCODINGS[look.texture]})"
+            files.append(write_preview(output, text, settings.preview))
+    told = ", ".join(files)
+    return Written(told if look.plotter else f"{told} ({ENCODINGS[look.texture]})", files)
 
 
 def write_stages(
     settings: RenderSettings, view: View, drawing: Drawing, name: str, title: str
-) -> str:
-    """Write the steps of one drawing as `name`-1-curves.svg and so on; what to say of them."""
+) -> Written:
+    """Write the steps of one drawing as `name`-1-curves.svg and so on."""
     from ..files import write_bytes
     from ..render.figure import figure_files, figure_steps
 
@@ -326,6 +289,7 @@ def write_stages(
     texture = settings.look["texture"]
     with timed("stages"):
         steps = figure_steps(view, drawing, title=title, background=background, texture=texture)
-        for part, data in figure_files(steps, settings.stages_scale).items():
+        files = figure_files(steps, settings.stages_scale)
+        for part, data in files.items():
             write_bytes(f"{name}-{part}", data)
-    return f"{name}-sheet.png and its parts"
+    return Written(f"{name}-sheet.png and its parts", [f"{name}-{part}" for part in files])
