@@ -153,6 +153,8 @@ class Drawing:
     color : (C, 4) float64 in [0, 1], straight RGBA: the ink of a stroke where no texture is wanted
     texture : Texture with one strip per stroke, or None
     parts : the named part of the shape that each stroke belongs to, or None where it has but one
+    track : what each stroke is called in all drawings of an animation, "" for one that is in no
+        other; None where the drawing is of none
     """
 
     strokes: Strokes
@@ -160,6 +162,7 @@ class Drawing:
     color: np.ndarray
     texture: Texture | None = None
     parts: Parts | None = None
+    track: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         color = np.asarray(self.color, np.float64)
@@ -178,6 +181,11 @@ class Drawing:
             raise ValueError(
                 f"Drawing.parts must name the part of {len(self.strokes)} strokes, "
                 f"not {len(self.parts)}"
+            )
+        if self.track is not None and len(self.track) != len(self.strokes):
+            raise ValueError(
+                f"Drawing.track must name the track of {len(self.strokes)} strokes, "
+                f"not {len(self.track)}"
             )
         object.__setattr__(self, "color", color)
         object.__setattr__(self, "size", (int(self.size[0]), int(self.size[1])))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -40,6 +41,24 @@ FEATURES = (
     *("height", "tangent_x", "tangent_y", "prominence"),
     *(f"nib_{n:.0f}" for n in NIB_ANGLES),
 )
+
+
+class ViewRange(NamedTuple):
+    """Between what a view's lines lie: the depths that count as 0 and 1, and its top and bottom."""
+
+    near: float
+    far: float
+    top: float
+    bottom: float
+
+    @classmethod
+    def of(cls, planned: Planned, surface: np.ndarray, spacing: float) -> ViewRange:
+        """Measure planned strokes, at least one; `surface` (N, 5) is SURFACE at their points."""
+        on_curve = planned.on_curve
+        depth = along_strokes(surface[:, :1], planned.offsets, SURFACE_SIGMA, spacing)[:, 0]
+        near, far = np.percentile(depth[on_curve], DEPTH_RANGE)
+        y = planned.xy[on_curve, 1]
+        return cls(float(near), float(far), float(y.min()), float(y.max()))
 
 
 @dataclass(frozen=True)
@@ -86,6 +105,7 @@ def point_features(
     surface: np.ndarray,
     config: StyleConfig,
     names: tuple[str, ...] = FEATURES,
+    within: ViewRange | None = None,
 ) -> np.ndarray:
     """Measure features at every point of planned strokes, (N, P) float64.
 
@@ -98,14 +118,16 @@ def point_features(
     surface : (N, 5), SURFACE where the points lie
     config : its spacing is used
     names : of FEATURES, in the order of the columns
+    within : what depth and height are measured by; None: what these strokes lie between
     """
     if not len(planned):
         return np.zeros((0, len(names)))
+    within = within or ViewRange.of(planned, surface, config.spacing)
     columns = (
         _end_features(planned)
         | _bend_features(planned, config.spacing)
-        | _surface_features(planned, surface, config.spacing)
-        | _place_features(planned, config.spacing)
+        | _surface_features(planned, surface, config.spacing, within)
+        | _place_features(planned, config.spacing, within)
     )
     return np.stack([columns[name] for name in names], axis=1)
 
@@ -146,12 +168,12 @@ def _bend_features(planned: Planned, spacing: float) -> dict[str, np.ndarray]:
 
 
 def _surface_features(
-    planned: Planned, surface: np.ndarray, spacing: float
+    planned: Planned, surface: np.ndarray, spacing: float, within: ViewRange
 ) -> dict[str, np.ndarray]:
     """What is seen of the surface: its depth within the view, and how it faces the eye."""
     maps = along_strokes(surface, planned.offsets, SURFACE_SIGMA, spacing)
     depth, normal = maps[:, 0], maps[:, 3:]
-    near, far = np.percentile(depth[planned.on_curve], DEPTH_RANGE)
+    near, far = within.near, within.far
     facing = normal / np.sqrt((normal**2).sum(axis=1, keepdims=True) + FACING_SOFTNESS)
     return {
         "depth": np.clip((depth - near) / max(far - near, 1e-6), 0, 1),
@@ -162,10 +184,9 @@ def _surface_features(
     }
 
 
-def _place_features(planned: Planned, spacing: float) -> dict[str, np.ndarray]:
+def _place_features(planned: Planned, spacing: float, within: ViewRange) -> dict[str, np.ndarray]:
     """Where on the drawing a stroke lies, which way it runs, and of what kind it is."""
-    y, on_curve = planned.xy[:, 1], planned.on_curve
-    top, bottom = y[on_curve].min(), y[on_curve].max()
+    y, top, bottom = planned.xy[:, 1], within.top, within.bottom
     smooth = along_strokes(planned.xy, planned.offsets, HEADING_SIGMA, spacing, pin=True)
     tangent = tangents(smooth, planned.offsets)
     return nib_features(tangent) | {

@@ -48,18 +48,29 @@ class Overshoots:
         Lengths differ from end to end with nothing in the shape to tell why, so each end is given
         that of a training stroke. Where none is known, strokes end with their curves.
         """
-        every = np.concatenate([self.first, self.last])
-        lengths = np.array([_length(planned, i) for i in range(len(planned))])
         past = np.zeros((len(planned), 2))
-        for k, known in enumerate((self.first, self.last)):
-            known = known if len(known) >= FEW else every
+        for k, known in enumerate(self.ends):
             if len(known):
                 past[:, k] = rng.choice(known, len(planned))
-        limits = np.outer(lengths, [-MAX_SHORT_SHARE, MAX_OVERSHOOT_SHARE])
-        return np.clip(past, limits[:, :1], limits[:, 1:])
+        return within_limits(past, curve_lengths(planned))
+
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lengths that either end is given one of; where few are known, those of both."""
+        every = np.concatenate([self.first, self.last])
+        first, last = (end if len(end) >= FEW else every for end in (self.first, self.last))
+        return first, last
 
 
-def _length(planned: Planned, i: int) -> float:
-    """The length of the curve of stroke i, px."""
-    a, b = planned.offsets[i], planned.offsets[i + 1]
-    return float(arc(planned.xy[a:b][planned.on_curve[a:b]])[-1])
+def curve_lengths(planned: Planned) -> np.ndarray:
+    """Measure the curves of strokes, (C,) px, without what runs past their ends."""
+    lengths = np.zeros(len(planned))
+    for i, (a, b) in enumerate(zip(planned.offsets[:-1], planned.offsets[1:], strict=True)):
+        lengths[i] = arc(planned.xy[a:b][planned.on_curve[a:b]])[-1]
+    return lengths
+
+
+def within_limits(past: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Keep px past the ends of lines (C, 2) within shares of their lengths (C,)."""
+    limits = np.outer(lengths, [-MAX_SHORT_SHARE, MAX_OVERSHOOT_SHARE])
+    return np.clip(past, limits[:, :1], limits[:, 1:])

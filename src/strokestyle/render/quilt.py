@@ -86,14 +86,19 @@ def synthesise(
     if not len(strokes):
         return None, np.zeros((0, 4))
     rows = stroke_rows(strokes, features, bank.margin)
-    predicted = regressors_of(rows, bank.scale.astype(np.float64)) @ bank.weights
-    predicted = np.clip(predicted, bank.local_ink.min(axis=0), bank.local_ink.max(axis=0))
+    predicted = predicted_ink(bank, rows)
     if bank.flat:
         return None, stroke_ink(rows, solid_ink(predicted, bank))
     runs = choose_runs(bank, rows, predicted, np.random.default_rng(seed))
     strips = _turned(lay_runs(bank, rows, runs, predicted), rows)
     margin = np.full(len(strokes), bank.margin)
     return Texture(strips, rows.offsets, margin), stroke_ink(rows, predicted)
+
+
+def predicted_ink(bank: TextureBank, rows: Rows) -> np.ndarray:
+    """The local ink (R, 4) that the features of rows ask for."""
+    predicted = regressors_of(rows, bank.scale.astype(np.float64)) @ bank.weights
+    return np.clip(predicted, bank.local_ink.min(axis=0), bank.local_ink.max(axis=0))
 
 
 def _turned(strips: np.ndarray, rows: Rows) -> np.ndarray:
@@ -356,27 +361,65 @@ class _Lattice:
 # --------------------------------------------------------------------------------------- copying
 
 
+@dataclass(frozen=True)
+class LaidRows:
+    """Strips for new strokes.
+
+    Parameters
+    ----------
+    rgba : (R, A, 4) uint8, straight
+    ink : (R, 4), the local ink that they have
+    """
+
+    rgba: np.ndarray
+    ink: np.ndarray
+
+
 def lay_runs(bank: TextureBank, rows: Rows, runs: Runs, predicted: np.ndarray) -> np.ndarray:
     """Copy the chosen runs into strips (R, A, 4) uint8 for new strokes, and hide their joints."""
     columns = bank_columns(rows, bank.margin)
+    return lay_rows(bank, rows, runs, predicted, columns, np.arange(len(rows.closed))).rgba
+
+
+def lay_rows(
+    bank: TextureBank,
+    rows: Rows,
+    runs: Runs,
+    predicted: np.ndarray,
+    columns: int,
+    whole: np.ndarray,
+) -> LaidRows:
+    """Copy the chosen runs into strips as `lay_runs` does, and tell their ink.
+
+    Parameters
+    ----------
+    columns : texels across
+    whole : (C,) int, which stroke each strip is of: strips may be pieces of one
+    """
     stroke = owner(rows.offsets)
     every = np.arange(len(stroke))
     node = runs.first[stroke] + (every - rows.offsets[stroke]) // STEP
     copied = runs.source(np.minimum(node, runs.first[stroke + 1] - 1), every)
     # The ink is what the features ask for here, and beyond that what the source had, carried
     # smoothly over the joints.
-    beside = smooth_rows(_ink_residual(bank, copied, stroke), rows.offsets, INK_SIGMA * ROWS)
+    beside = _ink_residual(bank, copied, whole[stroke])
+    beside = smooth_rows(beside, rows.offsets, INK_SIGMA * ROWS)
     wanted = predicted + beside
 
     def copy(source: np.ndarray, row: np.ndarray) -> np.ndarray:
         laid = resampled(bank, source, rows.width[row], columns)
-        return _with_ink(laid, bank.local_ink[source], wanted[row])
+        return with_ink(laid, bank.local_ink[source], wanted[row])
 
     starts = range(0, len(every), CHUNK)
     layer = np.concatenate([copy(copied[a : a + CHUNK], every[a : a + CHUNK]) for a in starts])
     for joints in _joints(rows, runs):
         _join(layer, copy, rows, runs, joints)
     layer *= caps(rows, bank.ends[copied], bank.margin, columns)
+    return LaidRows(texels(layer), wanted)
+
+
+def texels(layer: np.ndarray) -> np.ndarray:
+    """Premultiplied colours (..., 4) in [0, 1] as straight ones, uint8."""
     return np.rint(np.clip(straight(layer, least=1e-4), 0, 1) * 255).astype(np.uint8)
 
 
@@ -392,7 +435,7 @@ def _ink_residual(bank: TextureBank, copied: np.ndarray, stroke: np.ndarray) -> 
     total = np.bincount(home, trust, minlength=strips)
     sums = [np.bincount(home, trust * column, minlength=strips) for column in beside.T]
     of_strip = np.stack(sums, axis=1) / total[:, None]
-    used = np.bincount(stroke * strips + home[copied], minlength=(stroke[-1] + 1) * strips)
+    used = np.bincount(stroke * strips + home[copied], minlength=(stroke.max() + 1) * strips)
     most = used.reshape(-1, strips).argmax(axis=1)
     return beside[copied] - of_strip[home[copied]] + of_strip[most][stroke]
 
@@ -510,7 +553,7 @@ def caps(rows: Rows, source_ends: np.ndarray, margin: float, columns: int) -> np
     return np.where(body > 0, inside, 1.0)[..., None].astype(np.float32)
 
 
-def _with_ink(patch: np.ndarray, ink: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def with_ink(patch: np.ndarray, ink: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Premultiplied rows (n, A, 4), their local ink moved from `ink` (n, 4) to `wanted` (n, 4)."""
     gain = np.clip((wanted[:, 0] + 0.1) / (ink[:, 0] + 0.1), 0.5, 2.0)
     alpha = np.minimum(patch[..., 3] * gain[:, None], 1.0)
@@ -532,16 +575,28 @@ def resampled(bank: TextureBank, source: np.ndarray, width: np.ndarray, columns:
     source : (n,), rows of the bank
     width : (n,) px, without margins
     """
-    texels, margin = bank.rgba.shape[1], bank.margin
+    strip = bank.rgba[source].astype(np.float32) / 255.0
+    strip[..., :3] *= strip[..., 3:]
+    return stretched(strip, bank.width[source], width, bank.margin, columns)
+
+
+def stretched(
+    strip: np.ndarray, own: np.ndarray, width: np.ndarray, margin: float, columns: int
+) -> np.ndarray:
+    """Stretch rows (n, A, 4), premultiplied, from their `own` width (n,) px to another (n,).
+
+    Parameters
+    ----------
+    margin : px beyond half the width that rows reach before and after
+    """
+    texels = strip.shape[1]
     v = across(columns)[None]
-    half, own = 0.5 * width[:, None], 0.5 * bank.width[source][:, None].astype(np.float64)
+    half, own = 0.5 * width[:, None], 0.5 * own[:, None].astype(np.float64)
     distance = np.abs(v) * (half + margin)
-    stretched = distance * (own / np.maximum(half, 1e-6))
-    place = np.sign(v) * np.where(distance < half, stretched, own + distance - half)
+    core = distance * (own / np.maximum(half, 1e-6))
+    place = np.sign(v) * np.where(distance < half, core, own + distance - half)
     column = np.clip((place / (own + margin) + 1.0) * 0.5 * texels - 0.5, 0, texels - 1)
     left = np.minimum(column.astype(np.int64), texels - 2)
     mix = (column - left)[..., None].astype(np.float32)
-    strip = bank.rgba[source].astype(np.float32) / 255.0
-    strip[..., :3] *= strip[..., 3:]
-    row = np.arange(len(source))[:, None]
+    row = np.arange(len(strip))[:, None]
     return strip[row, left] * (1 - mix) + strip[row, left + 1] * mix

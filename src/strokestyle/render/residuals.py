@@ -52,26 +52,33 @@ def _fill(out: np.ndarray, residuals: Residuals, rng: np.random.Generator) -> No
     """Write the residuals of one stroke into `out` (n, 2), piece by piece."""
     filled = 0
     while filled < len(out):
-        piece = _random_piece(residuals, len(out) - filled, rng)
+        piece = random_piece(residuals, len(out) - filled, rng)
         shared = min(CROSS_FADE, filled, len(piece))
         start = filled - shared
-        # The weights' squares add to 1: pieces are independent, so their variances add, and the
-        # spread stays what it is.
-        fade_in = (np.arange(shared) + 0.5)[:, None] / max(shared, 1)
-        ending = out[start:filled]
-        out[start:filled] = np.sqrt(1 - fade_in) * ending + np.sqrt(fade_in) * piece[:shared]
+        out[start:filled] = cross_faded(out[start:filled], piece[:shared])
         out[filled : start + len(piece)] = piece[shared:]
         filled += len(piece) - shared
         if len(piece) <= shared:  # what is left is no longer than a cross-fade: it stays zero
             break
 
 
-def _random_piece(residuals: Residuals, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Cut (at most `count`, 2) successive residuals out of one training sequence.
+def cross_faded(ending: np.ndarray, beginning: np.ndarray) -> np.ndarray:
+    """Let what ends (n, k) give way to what begins (n, k).
+
+    The weights' squares add to 1: pieces are independent, so their variances add, and the spread
+    stays what it is.
+    """
+    fade_in = (np.arange(len(ending)) + 0.5)[:, None] / max(len(ending), 1)
+    return np.sqrt(1 - fade_in) * ending + np.sqrt(fade_in) * beginning
+
+
+def random_piece(residuals: Residuals, count: int | None, rng: np.random.Generator) -> np.ndarray:
+    """Cut (at most `count`, 2) successive residuals out of one training sequence, or a whole one.
 
     A sequence is taken the more often the more of it can be used.
     """
     lengths = np.diff(residuals.offsets)
+    count = int(lengths.max()) if count is None else count
     usable = np.minimum(lengths, count).astype(float)
     i = rng.choice(len(lengths), p=usable / usable.sum())
     length = int(min(lengths[i], count))

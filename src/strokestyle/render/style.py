@@ -15,7 +15,7 @@ from ..drawing.edit import cut_at_parts
 from ..drawing.strokes import Drawing, Strokes, Texture
 from ..extract.view import View
 from ..geometry.curves import arc_length, owner
-from ..geometry.parts import Pieces
+from ..geometry.parts import Parts, Pieces
 from .choice import LineChoice, choose_lines, leaves_nothing
 from .config import HAIR, StyleConfig
 from .displacement import Frame, displaced
@@ -123,7 +123,7 @@ class Style:
         strokes, color, texture = laid.strokes, np.tile(self.color, (len(laid.strokes), 1)), None
         if self.bank is not None and len(strokes):
             texture, color = synthesise(self.bank, strokes, laid.features, _child_seed(seed, 1))
-        strokes, texture = _scaled(strokes, texture, scale)
+        strokes, texture = scaled(strokes, texture, scale)
         drawing = Drawing(strokes, (view.camera.width, view.camera.height), color, texture)
         return drawing if laid.pieces is None else cut_at_parts(drawing, laid.pieces)
 
@@ -158,7 +158,9 @@ class Style:
         rows, offsets, kept = trim_invisible_ends(thickness, planned.offsets)
         open_ended = np.zeros(len(kept), bool)
         strokes = Strokes(xy[rows], thickness[rows], offsets, planned.kind[kept], open_ended)
-        return LaidStrokes(strokes, features[rows], _pieces(view, planned, rows, strokes))
+        part = None if view.parts is None else view.parts.take(planned.source[rows, 0])
+        pieces = pieces_by_part(part, planned.on_curve[rows], strokes)
+        return LaidStrokes(strokes, features[rows], pieces)
 
 
 def _no_strokes() -> Strokes:
@@ -171,7 +173,7 @@ def _child_seed(seed: int, stage: int) -> int:
     return int(np.random.SeedSequence([seed, stage]).generate_state(1)[0])
 
 
-def _scaled(
+def scaled(
     strokes: Strokes, texture: Texture | None, scale: float
 ) -> tuple[Strokes, Texture | None]:
     """The same drawing `scale` times as large."""
@@ -183,19 +185,18 @@ def _scaled(
     return strokes, texture
 
 
-def _pieces(view: View, planned: Planned, rows: np.ndarray, strokes: Strokes) -> Pieces | None:
+def pieces_by_part(part: Parts | None, on_curve: np.ndarray, strokes: Strokes) -> Pieces | None:
     """The pieces of strokes that lie on one named part each; None where nothing is named.
 
-    `rows` are those of the planned points that `strokes` are made of. What runs past the end of a
-    curve lies on no part, so its length does not count.
+    `part` is that of each of their points, and `on_curve` (N,) bool says which of these do not run
+    past the end of a curve: what does lies on no part, so its length does not count.
     """
-    if view.parts is None:
+    if part is None:
         return None
     step = np.diff(arc_length(strokes.xy, strokes.offsets), prepend=0.0)
     step[strokes.offsets[:-1]] = 0.0
-    step[~planned.on_curve[rows]] = 0.0
-    parts = view.parts.take(planned.source[rows, 0])
-    return parts.cut(strokes.offsets, np.cumsum(step))
+    step[~on_curve] = 0.0
+    return part.cut(strokes.offsets, np.cumsum(step))
 
 
 def without_hairs(thickness: np.ndarray, planned: Planned) -> np.ndarray:

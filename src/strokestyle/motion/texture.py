@@ -1,0 +1,258 @@
+"""Texture that is anchored to the place along a track: it neither swims nor stretches.
+
+Kalnins et al. 2003 and Benard et al. 2010, 2012 weigh two wishes against each other: that texture
+keeps its scale on the picture, and that it stays where it is on the line. Here what a track's
+texture is at a place is chosen once, a row of texels for each 1 / ROWS px of place, and every frame
+lays the rows of the places that its stroke has. So it is the place alone that decides between those
+wishes: where it follows px along the stroke both are met. The ends of strokes (TIP px, and what
+lies beyond) look like ends, and move with them: each has rows of its own, laid over the others
+along a seam that stays what it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..drawing.ribbon import ribbon
+from ..drawing.strokes import Strokes, Texture
+from ..geometry.curves import owner
+from ..render.quilt import FEATHER, choose_runs, lay_rows, stretched, texels, with_ink
+from ..render.texture_bank import ROWS, Rows, TextureBank, bank_columns
+from .chance import Luck, Stage, spline_weights
+from .lay import Laid
+from .survey import (
+    INK,
+    SEAM,
+    TIP,
+    WIDTH,
+    Name,
+    Points,
+    Survey,
+    TrackSurvey,
+    names_of,
+    survey_tracks,
+)
+
+TIP_SHARE = 0.4  # of a stroke's length: on a short one tips are no longer than this
+
+
+@dataclass(frozen=True)
+class _Strip:
+    """Rows of a sheet, from one on, that lie along a track or beside an end of its strokes.
+
+    Parameters
+    ----------
+    rows : of the sheet
+    low : px, where the first begins; of a tip, the distance of the outermost from the end
+    """
+
+    rows: slice
+    low: float
+
+
+@dataclass(frozen=True)
+class _TrackStrips:
+    body: _Strip
+    tips: tuple[_Strip, _Strip]
+    seam: np.ndarray  # (2, A) px by which a seam lies nearer to the end than it may
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """The texture of tracks, laid once.
+
+    Parameters
+    ----------
+    tracks : which rows are whose
+    rgba : (R, A, 4) float32 in [0, 1], premultiplied, in the direction of the tracks
+    wanted : (R, 5), ink that was predicted, and width
+    ink : (R, 4), the ink that rows have
+    """
+
+    tracks: dict[Name, _TrackStrips]
+    rgba: np.ndarray
+    wanted: np.ndarray
+    ink: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """The rows of a stroke in a frame.
+
+    Parameters
+    ----------
+    place : (n,) px along the track
+    ends : (n, 2) px from the stroke's ends
+    half : (2,) px that the ribbon reaches past either end
+    wanted : (n, 5), ink that is predicted, and width
+    """
+
+    place: np.ndarray
+    ends: np.ndarray
+    half: np.ndarray
+    wanted: np.ndarray
+
+    def take(self, rows: np.ndarray) -> _Seen:
+        return _Seen(self.place[rows], self.ends[rows], self.half, self.wanted[rows])
+
+
+class TrackTextures:
+    """The texture of the tracks of an animation.
+
+    Parameters
+    ----------
+    bank : of the medium
+    turned : which tracks a hand pulls against their places
+    frames : the names of strokes, and their points, of all frames
+    luck : decides between sources that cost about the same
+    """
+
+    def __init__(
+        self,
+        bank: TextureBank,
+        turned: dict[Name, bool],
+        frames: Sequence[tuple[list[Name], Points]],
+        luck: Luck,
+    ):
+        self.bank, self.turned, self.luck = bank, turned, luck
+        self.surveys = survey_tracks(frames, bank.margin)
+        widest = [track.body.wanted[:, WIDTH].max() for track in self.surveys.values()]
+        none = np.zeros(0)
+        rows = Rows(none, np.array(widest), none, none, none, none, none)
+        self.columns = bank_columns(rows, bank.margin)
+        self.sheet = self._laid(self.surveys, luck.of_track(Stage.TEXTURE, 0))
+
+    def strips(self, laid: Laid, points: Points, number: int) -> Texture:
+        """The texture of the strokes of frame `number`."""
+        margin, names = self.bank.margin, names_of(laid)
+        seen = [_seen(laid.strokes, i, points.of(i), margin) for i in range(len(names))]
+        own = self._of_drawing(names, points, number)
+        strips = [
+            texels(
+                self._strip(
+                    self.sheet if own is None or name not in own.tracks else own, name, rows
+                )
+            )
+            for name, rows in zip(names, seen, strict=True)
+        ]
+        offsets = np.cumsum([0] + [len(strip) for strip in strips])
+        return Texture(np.concatenate(strips), offsets, np.full(len(names), margin))
+
+    # ---------------------------------------------------------------------------------- laying
+
+    def _of_drawing(self, names: list[Name], points: Points, number: int) -> _Sheet | None:
+        """Texture that is chosen anew for this drawing, for a share of its strokes."""
+        chance = [self.luck.of_drawing(Stage.TEXTURE, number, *name).random() for name in names]
+        anew = {}
+        for i in np.flatnonzero(np.array(chance) < self.luck.boil).tolist():
+            survey, place = self.surveys[names[i]], points.of(i).place
+            body = survey.body.part(float(place.min()), float(place.max()))
+            anew[names[i]] = TrackSurvey(body, survey.first, survey.last)
+        if not anew:
+            return None
+        return self._laid(anew, self.luck.of_drawing(Stage.TEXTURE, number, 0))
+
+    def _laid(self, surveys: dict[Name, TrackSurvey], rng: np.random.Generator) -> _Sheet:
+        """Choose texture for tracks, and lay it."""
+        made: list[Survey] = []
+        for track in surveys.values():
+            made += [track.body, track.first, track.last]
+        against = np.repeat([self.turned[name] for name in surveys], 3)
+        offsets = np.cumsum([0] + [len(one.wanted) for one in made])
+        wanted = np.concatenate([one.wanted for one in made])
+        ends = np.concatenate([one.ends for one in made])
+        back = _reversed_rows(offsets, against)
+        swap = against[owner(offsets)]
+        ends = np.where(swap[:, None], ends[:, ::-1], ends)[back]
+        pulled, none = wanted[back], np.zeros(len(made), bool)
+        rows = Rows(offsets, pulled[:, WIDTH], pulled[:, WIDTH], ends, wanted[:, :0], none, none)
+        runs = choose_runs(self.bank, rows, pulled[:, INK], rng)
+        laid = lay_rows(
+            self.bank, rows, runs, pulled[:, INK], self.columns, np.arange(len(made)) // 3
+        )
+        rgba = laid.rgba[back].astype(np.float32) / 255.0
+        rgba[..., :3] *= rgba[..., 3:]
+        rgba[swap] = rgba[swap][:, ::-1]
+        strips = [
+            _Strip(slice(a, b), one.low)
+            for a, b, one in zip(offsets[:-1].tolist(), offsets[1:].tolist(), made, strict=True)
+        ]
+        tracks = {
+            name: _TrackStrips(strips[3 * i], (strips[3 * i + 1], strips[3 * i + 2]), seam)
+            for i, (name, seam) in enumerate(
+                zip(surveys, _seams(len(surveys), self.columns, rng), strict=True)
+            )
+        }
+        return _Sheet(tracks, rgba, wanted, laid.ink[back])
+
+    # --------------------------------------------------------------------------------- one stroke
+
+    def _strip(self, sheet: _Sheet, name: Name, seen: _Seen) -> np.ndarray:
+        """The rows (n, A, 4) of a stroke, premultiplied."""
+        track = sheet.tracks[name]
+        body = track.body
+        out = self._rows(sheet, body.rows, (seen.place - body.low) * ROWS - 0.5, seen)
+        reach = min(TIP, TIP_SHARE * (seen.ends[0, 0] + seen.ends[0, 1]))
+        for k, tip in enumerate(track.tips):
+            near = np.flatnonzero(seen.ends[:, k] < reach + 2.0)
+            if not len(near):
+                continue
+            part = seen.take(near)
+            distance = part.ends[:, k]
+            inward = np.where(distance < 0, distance * (-tip.low / part.half[k]), distance)
+            at = (inward - tip.low) * ROWS - 0.5
+            count = tip.rows.stop - tip.rows.start
+            over = self._rows(sheet, tip.rows, count - 1 - at if k else at, part)
+            away = ((reach - distance)[:, None] - track.seam[k]) * ROWS
+            weight = np.clip(away / FEATHER + 0.5, 0.0, 1.0)[..., None].astype(np.float32)
+            out[near] = out[near] * (1 - weight) + over * weight
+        return out
+
+    def _rows(self, sheet: _Sheet, rows: slice, at: np.ndarray, seen: _Seen) -> np.ndarray:
+        """Rows `at` (n,) float of some of a sheet's, with the width and ink wanted in a frame."""
+        at = np.clip(at, 0.0, rows.stop - rows.start - 1.0)
+        row = at.astype(np.int64)
+        weights = spline_weights(at - row).astype(np.float32)[..., None, None]
+        some = sheet.rgba[rows]
+        last = len(some) - 1
+        rgba = sum(weights[:, k] * some[np.clip(row + k - 1, 0, last)] for k in range(4))
+        here = np.rint(at).astype(np.int64)
+        had, ink = sheet.wanted[rows][here], sheet.ink[rows][here]
+        laid = stretched(
+            np.clip(rgba, 0.0, 1.0), had[:, WIDTH], seen.wanted[:, WIDTH], self.bank.margin,
+            self.columns,
+        )  # fmt: skip
+        return with_ink(laid, ink, ink + seen.wanted[:, INK] - had[:, INK])
+
+
+def _reversed_rows(offsets: np.ndarray, against: np.ndarray) -> np.ndarray:
+    """Rows (R,) in which the strips that are `against` (C,) the pull are turned about."""
+    own = owner(offsets)
+    row = np.arange(offsets[-1])
+    return np.where(against[own], offsets[own] + offsets[own + 1] - 1 - row, row)
+
+
+def _seams(count: int, columns: int, rng: np.random.Generator) -> np.ndarray:
+    """How the seams (count, 2, A) at both ends wander across strokes, px in [0, SEAM]."""
+    steps = rng.standard_normal((count, 2, columns)).cumsum(axis=2)
+    low, high = steps.min(axis=2, keepdims=True), steps.max(axis=2, keepdims=True)
+    return SEAM * (steps - low) / np.maximum(high - low, 1e-9)
+
+
+def _seen(strokes: Strokes, i: int, points: Points, margin: float) -> _Seen:
+    """Rows at equal steps along the ribbon of stroke i, whose points are given."""
+    band = ribbon(strokes, i, margin)
+    n = max(2, round(ROWS * band.length))
+    u = (np.arange(n) + 0.5) / n * band.length
+    half = band.half[[0, -1]]
+    inner = band.length - half.sum()
+    # the ribbon's centre line is smoother than the stroke's: points are found by their share
+    along = points.ends[1:-1, 0]
+    at = np.r_[0.0, half[0] + along * (inner / max(along[-1], 1e-9)), band.length]
+    wanted = np.stack([np.interp(u, at, column) for column in points.wanted.T], axis=1)
+    wanted[:, WIDTH] = 2.0 * (np.interp(u, band.along, band.half) - margin)
+    ends = np.stack([u - half[0], band.length - half[1] - u], axis=1)
+    return _Seen(np.interp(u, at, points.place), ends, half, wanted)
