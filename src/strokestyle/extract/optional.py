@@ -33,16 +33,18 @@ class OptionalLines(NamedTuple):
     curves : evenly spaced, N points
     strength : (N,) in 0..1, by the thresholds of the fuller detail
     face : (N,) int, the face that each point lies on
+    point : (N, 3), where in space each lies
     """
 
     curves: Curves
     strength: np.ndarray
     face: np.ndarray
+    point: np.ndarray
 
     @classmethod
     def none(cls) -> OptionalLines:
         """Make no lines."""
-        return cls(Curves.empty(), np.zeros(0), np.zeros(0, np.int64))
+        return cls(Curves.empty(), np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3)))
 
 
 def optional_lines(
@@ -92,7 +94,9 @@ def _of_family(
     source = source[soft[owner(rest.offsets)]]
     curves, of_rest = resample_with_source(rest.take(soft), spacing)
     row = source[of_rest] if len(source) else np.zeros(0, np.int64)
-    return OptionalLines(curves, np.clip(fragments.strength[row], 0.0, 1.0), fragments.face[row])
+    assert fragments.point is not None  # they are those that `look_along` has seen
+    strength = np.clip(fragments.strength[row], 0.0, 1.0)
+    return OptionalLines(curves, strength, fragments.face[row], fragments.point[row])
 
 
 def _joined(parts: list[OptionalLines]) -> OptionalLines:
@@ -100,4 +104,5 @@ def _joined(parts: list[OptionalLines]) -> OptionalLines:
         Curves.concatenate([part.curves for part in parts]),
         np.concatenate([part.strength for part in parts]),
         np.concatenate([part.face for part in parts]),
+        np.concatenate([part.point for part in parts]),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from .camera import Camera
 from .feature_maps import NEURAL_STROKES_MAPS, NORMAL_MAPS, FeatureMaps, feature_maps, plain_raster
 from .line_options import LineOptions
 from .lines import SurfaceLines
-from .optional import optional_lines
+from .optional import OptionalLines, optional_lines
 from .rays import Bvh
 from .tidy import subtract_parallel, tidy_with_source
 from .view import View
@@ -71,7 +71,8 @@ def extract_view(
     maps_of, more = seen.curves, np.zeros(len(seen.curves), bool)
     if optional:
         seen, more = _with_optional(lines, camera, fragments, seen, spacing)
-    behind = _Tidied(Curves.empty(), Curves.empty(), None, np.zeros(0))
+    none = np.zeros(0)
+    behind = _Tidied(Curves.empty(), Curves.empty(), None, none, none)
     if hidden:
         away = _hidden_fragments(sight, look_along(surface, camera, unseen, None))
         apart = _apart_from(seen.strokes, away, camera)
@@ -95,17 +96,80 @@ def _with_optional(
     curves = Curves.concatenate([seen.curves, more.curves])
     faces = None if seen.faces is None else np.r_[seen.faces, more.face]
     strength = np.r_[seen.strength, more.strength]
-    both = _Tidied(seen.strokes, curves, faces, strength)
+    both = _Tidied(seen.strokes, curves, faces, strength, seen.source)
     return both, np.arange(len(curves)) >= len(seen.curves)
 
 
+@dataclass(frozen=True)
+class SeenLines:
+    """What a camera sees of lines, tidied and evenly spaced, and where on the surface that lies.
+
+    Parameters
+    ----------
+    curves : N points, as those of the view
+    optional : (C,) bool, as that of the view
+    strength : (N,), as that of the view
+    face : (N,) int, the face that each point comes from
+    point : (N, 3), where in space that is; tidied, a point lies a little off it
+    part_face : (N,) int, the face whose part a point belongs to, or None where all is one part
+    fragments : what is seen of the lines before it is tidied
+    """
+
+    curves: Curves
+    optional: np.ndarray
+    strength: np.ndarray
+    face: np.ndarray
+    point: np.ndarray
+    part_face: np.ndarray | None
+    fragments: Fragments
+
+    def view(self, lines: SurfaceLines, camera: Camera) -> View:
+        """Make the view of them: maps, parts and all."""
+        maps = feature_maps(lines.surface, camera, self.curves, lines.bvh)
+        view = View(camera, self.curves, maps, strength=self.strength, optional=self.optional)
+        return _with_parts(view, lines.surface, self.part_face)
+
+
+def see_lines(
+    lines: SurfaceLines,
+    camera: Camera,
+    spacing: float = DEFAULT_SPACING,
+    optional: bool = False,
+) -> SeenLines:
+    """Draw a surface plainly as `extract_view` does, and keep where on it the lines lie.
+
+    No maps are made, which is most of the time that a view takes.
+    """
+    fragments = look_along(lines.surface, camera, lines.seen_from(camera), lines.bvh).fragments()
+    assert fragments.point is not None  # `look_along` tells it
+    seen = _tidied(lines.surface, camera, fragments, spacing)
+    face, point = fragments.face[seen.source], fragments.point[seen.source]
+    more = OptionalLines.none()
+    if optional:
+        more = optional_lines(lines, camera, fragments, seen.strokes, spacing)
+    curves = Curves.concatenate([seen.curves, more.curves])
+    return SeenLines(
+        curves,
+        np.arange(len(curves)) >= len(seen.curves),
+        np.r_[seen.strength, more.strength],
+        np.r_[face, more.face],
+        np.concatenate([point, more.point]),
+        None if seen.faces is None else np.r_[seen.faces, more.face],
+        fragments,
+    )
+
+
 class _Tidied(NamedTuple):
-    """Curves of a view: tidied; the same evenly spaced; face and strength of their N points."""
+    """Curves of a view: tidied; the same evenly spaced; face and strength of their N points.
+
+    `source` (N,) is the row of the fragments that each point comes from.
+    """
 
     strokes: Curves
     curves: Curves
     faces: np.ndarray | None
     strength: np.ndarray
+    source: np.ndarray
 
 
 def _tidied(surface: Surface, camera: Camera, fragments: Fragments, spacing: float) -> _Tidied:
@@ -116,7 +180,7 @@ def _tidied(surface: Surface, camera: Camera, fragments: Fragments, spacing: flo
     source = strokes.source[of_stroke]
     faces = faces_of(surface, curves, fragments, source)
     strength = np.clip(fragments.strength[source], 0.0, 1.0) if len(source) else np.zeros(0)
-    return _Tidied(strokes.curves, curves, faces, strength)
+    return _Tidied(strokes.curves, curves, faces, strength, source)
 
 
 def _hidden_fragments(found: SampledLines, unseen: SampledLines) -> Fragments:

@@ -32,24 +32,29 @@ class Fragments:
     curves : N points, in pixels
     strength : (N,) in 0..1
     face : (N,) int, the face that each point lies on
+    point : (N, 3), where in space each point lies; None where nobody knows
     """
 
     curves: Curves
     strength: np.ndarray
     face: np.ndarray
+    point: np.ndarray | None = None
 
     def take(self, index: np.ndarray) -> Fragments:
         """Select the stretches of an index or mask over them, in that order."""
         rows, _ = take_ragged(self.curves.offsets, np.arange(len(self.curves))[index])
-        return Fragments(self.curves.take(index), self.strength[rows], self.face[rows])
+        point = None if self.point is None else self.point[rows]
+        return Fragments(self.curves.take(index), self.strength[rows], self.face[rows], point)
 
     @classmethod
     def concatenate(cls, *parts: Fragments) -> Fragments:
         """Put fragments one after the other."""
+        points = [part.point for part in parts if part.point is not None]
         return cls(
             Curves.concatenate([part.curves for part in parts]),
             np.concatenate([part.strength for part in parts]),
             np.concatenate([part.face for part in parts]),
+            np.concatenate(points) if len(points) == len(parts) else None,
         )
 
 
@@ -60,6 +65,8 @@ class SampledLines:
     Parameters
     ----------
     lines : C lines on the surface
+    points : (N, 3), where in space their own points lie
+    row, share : (M,), a point lies this share of the way from point `row` of the lines to the next
     xy : (M, 2) pixels, on the canvas
     strength : (M,)
     face : (M,) int, the face that each point lies on
@@ -68,6 +75,9 @@ class SampledLines:
     """
 
     lines: SurfaceCurves
+    points: np.ndarray
+    row: np.ndarray
+    share: np.ndarray
     xy: np.ndarray
     strength: np.ndarray
     face: np.ndarray
@@ -84,7 +94,8 @@ class SampledLines:
         """Cut out stretches of two or more points `wanted`, (M,) bool; by default those seen."""
         wanted = self.seen if wanted is None else wanted
         if not len(self.line):
-            return Fragments(Curves.empty(), np.zeros(0), np.zeros(0, np.int64))
+            none = np.zeros(0)
+            return Fragments(Curves.empty(), none, none.astype(np.int64), np.zeros((0, 3)))
         start = runs(wanted, self.line)
         count = np.diff(start)
         good = np.flatnonzero(wanted[start[:-1]] & (count >= 2))
@@ -93,7 +104,25 @@ class SampledLines:
         whole = count[good] == np.bincount(self.line, minlength=len(self.lines))[kept]
         closed = self.lines.closed[kept] & whole
         curves = Curves(self.xy[rows], offsets, self.lines.kind[kept], closed)
-        return Fragments(curves, self.strength[rows], self.face[rows])
+        place = _between(self.lines, self.points, self.row[rows], self.share[rows])
+        return Fragments(curves, self.strength[rows], self.face[rows], place)
+
+
+def _between(
+    lines: SurfaceCurves, points: np.ndarray, row: np.ndarray, share: np.ndarray
+) -> np.ndarray:
+    """Place points (M, 3) in space, at a share (M,) of the way from rows (M,) of lines to the next.
+
+    `points` (N, 3) are those of the lines.
+    """
+    after = _next_rows(lines.offsets)[row]
+    return points[row] + share[:, None] * (points[after] - points[row])
+
+
+def _next_rows(offsets: np.ndarray) -> np.ndarray:
+    """Find for each row of lines the next on its line, (N,) int; the last is its own next."""
+    rows = np.arange(offsets[-1])
+    return np.minimum(rows + 1, (offsets[1:] - 1)[owner(offsets)])
 
 
 def look_along(
@@ -106,7 +135,8 @@ def look_along(
     """
     if not len(lines):
         none, no = np.zeros(0, np.int64), np.zeros(0, bool)
-        return SampledLines(lines, np.zeros((0, 2)), np.zeros(0), none, none, no, no)
+        flat, empty = np.zeros((0, 2)), np.zeros(0)
+        return SampledLines(lines, np.zeros((0, 3)), none, empty, flat, empty, none, none, no, no)
     points = lines.points(surface)
     row, t = _sample_places(points, lines.offsets, camera)
     line = owner(lines.offsets)[row]
@@ -133,7 +163,7 @@ def look_along(
             )
     if bvh is not None:
         seen = _without_flicker(seen, line, xy)
-    return SampledLines(lines, xy, strength, lines.face[row], line, inside, seen)
+    return SampledLines(lines, points, row, t, xy, strength, lines.face[row], line, inside, seen)
 
 
 def _on_silhouette(surface: Surface, camera: Camera, lines: SurfaceCurves) -> np.ndarray:
