@@ -260,17 +260,30 @@ def _with_parts(
     """
     if faces is None:
         return view
-    names, of_part = _named_parts(surface)
-    # the last is for faces at -1
-    of_face = np.r_[of_part[surface.part], -1]
-    index = of_face[faces]
-    order = _far_to_near(index, view.at_curves(["depth"])[:, 0], len(names))
-    place = np.r_[np.argsort(order), -1]  # of -1 it is -1
-    ordered = tuple(names[i] for i in order)
+    seen = parts_of_faces(surface, faces, view.at_curves(["depth"])[:, 0])
     behind = None
     if len(view.hidden) and hidden_faces is not None:
-        behind = Parts(ordered, place[of_face[hidden_faces]])
-    return replace(view, parts=Parts(ordered, place[index]), hidden_parts=behind)
+        behind = Parts(seen.names, _part_numbers(surface, seen.names)[hidden_faces])
+    return replace(view, parts=seen, hidden_parts=behind)
+
+
+def parts_of_faces(surface: Surface, faces: np.ndarray, depth: np.ndarray) -> Parts:
+    """Name the part of each of points on `faces` (N,), -1 for none, that are seen at `depth` (N,).
+
+    Parts are put in order by the mean depth of their points, the farthest first.
+    """
+    names, _ = _named_parts(surface)
+    index = _part_numbers(surface, tuple(names))[faces]
+    order = _far_to_near(index, depth, len(names))
+    ordered = tuple(names[i] for i in order)
+    return Parts(ordered, _part_numbers(surface, ordered)[faces])
+
+
+def _part_numbers(surface: Surface, order: tuple[str, ...]) -> np.ndarray:
+    """Number the part of each face in an order of names, (F + 1,); -1 for none, as of face -1."""
+    names, of_part = _named_parts(surface)
+    number = np.array([*(order.index(name) for name in names), -1])
+    return np.r_[number[of_part][surface.part], -1]
 
 
 def _named_parts(surface: Surface) -> tuple[list[str], np.ndarray]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from ..geometry.curves import Curves, arc_length, owner, runs, take_ragged
+from ..geometry.curves import Curves, arc_length, owner, stretches
 from ..geometry.parts import Parts
 from .camera import Camera
 from .feature_maps import NORMAL_MAPS, FeatureMaps
@@ -92,14 +92,7 @@ class View:
         keep = np.asarray(keep, bool)
         if keep.all():
             return self
-        curves, line = self.curves, owner(self.curves.offsets)
-        start = runs(keep, line)
-        count = np.diff(start)
-        good = np.flatnonzero(keep[start[:-1]] & (count >= 2))
-        rows, offsets = take_ragged(start, good)
-        of = line[start[good]]
-        whole = count[good] == np.diff(curves.offsets)[of]
-        left = Curves(curves.xy[rows], offsets, curves.kind[of], curves.closed[of] & whole)
+        left, rows, of = stretches(self.curves, keep)
         return replace(
             self,
             curves=left,

@@ -164,6 +164,25 @@ def runs(*values: np.ndarray) -> np.ndarray:
     return np.flatnonzero(starts)
 
 
+def stretches(curves: Curves, keep: np.ndarray) -> tuple[Curves, np.ndarray, np.ndarray]:
+    """Cut curves down to stretches of two or more points that are kept, (N,) bool.
+
+    A closed curve that is cut is open.
+
+    Returns
+    -------
+    the stretches, the rows (M,) of `curves` that they are made of, and the curve that each is of
+    """
+    line = owner(curves.offsets)
+    start = runs(keep, line)
+    count = np.diff(start)
+    good = np.flatnonzero(keep[start[:-1]] & (count >= 2))
+    rows, offsets = take_ragged(start, good)
+    of = line[start[good]]
+    whole = count[good] == np.diff(curves.offsets)[of]
+    return Curves(curves.xy[rows], offsets, curves.kind[of], curves.closed[of] & whole), rows, of
+
+
 def is_kind(kind: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
     """Tell which of `kind` (C,), indices into KINDS, are one of the named kinds, (C,) bool."""
     return np.isin(kind, [KINDS.index(name) for name in names])

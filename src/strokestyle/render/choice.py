@@ -409,11 +409,16 @@ def choose_lines(view: View, choice: LineChoice | None, scale: float = 1.0) -> V
 
     `scale` is how many px of the view one of the style's canvas is.
     """
-    expected = view.only(view.required)
+    return replace(view.only(drawn_points(view, choice, scale)), optional=None)
+
+
+def drawn_points(view: View, choice: LineChoice | None, scale: float = 1.0) -> np.ndarray:
+    """Tell which points of a view's curves `choose_lines` keeps, (N,) bool."""
     if choice is not None and len(view.curves) and view.maps.covered.any():
         drawn = chosen_points(view, choice, scale)
-        expected = expected if _hardly_any(drawn) else view.only(drawn)
-    return replace(expected, optional=None)
+        if not _hardly_any(drawn):
+            return drawn
+    return view.required
 
 
 def leaves_nothing(view: View, choice: LineChoice | None, scale: float = 1.0) -> bool:

@@ -1,0 +1,84 @@
+"""The strokes that a style would draw of one shot, were it the only one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..extract.line_options import LineOptions
+from ..extract.lines import SurfaceLines
+from ..extract.pipeline import SeenLines, see_lines
+from ..geometry.curves import stretches
+from ..render.choice import drawn_points
+from ..render.plan import Planned, plan_strokes
+from ..render.style import Style
+from .frames import Shot
+from .places import Places
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """The strokes that a style would draw of one shot.
+
+    Parameters
+    ----------
+    shot : what is seen
+    lines : the lines of its surface
+    planned : strokes of N points, px of the style's canvas, that end where their curves do
+    places : of their points
+    part_face : (N,) int, the face whose part each point belongs to, or None where all is one part
+    seen : all that is seen of the lines, before the style chose among them
+    scale : how many px of the canvas one of the style's is
+    """
+
+    shot: Shot
+    lines: SurfaceLines
+    planned: Planned
+    places: Places
+    part_face: np.ndarray | None
+    seen: SeenLines
+    scale: float
+
+
+def candidates(
+    shots: Iterable[Shot],
+    style: Style,
+    options: LineOptions | None,
+    spacing: float,
+    optional: bool,
+) -> Iterator[Candidates]:
+    """Plan the strokes of shots one by one; arguments are those of `track_frames`."""
+    lines = None
+    for shot in shots:
+        if lines is None or lines.surface is not shot.surface:
+            lines = SurfaceLines(shot.surface, options or LineOptions())
+        yield _plan(shot, lines, style, see_lines(lines, shot.camera, spacing, optional))
+
+
+def _plan(shot: Shot, lines: SurfaceLines, style: Style, seen: SeenLines) -> Candidates:
+    config = style.config
+    scale = max(shot.camera.width, shot.camera.height) / config.size
+    curves, rows, _ = stretches(seen.curves, _drawn(shot, lines, style, seen, scale))
+    planned = plan_strokes(
+        replace(curves, xy=curves.xy / scale),
+        config.spacing,
+        config.join_gap,
+        config.corner_angle,
+        cut_tolerance=config.cut_tolerance,
+    )
+    near = planned.source[np.arange(len(planned.xy)), (planned.mix >= 0.5).astype(int)]
+    row = rows[near]
+    places = Places.of(shot, seen.face[row], seen.point[row], planned.xy * scale)
+    part_face = None if seen.part_face is None else seen.part_face[row]
+    return Candidates(shot, lines, planned, places, part_face, seen, scale)
+
+
+def _drawn(
+    shot: Shot, lines: SurfaceLines, style: Style, seen: SeenLines, scale: float
+) -> np.ndarray:
+    """Tell which points of the lines seen the style would draw, (N,) bool."""
+    if style.choice is None:
+        return np.repeat(~seen.optional, np.diff(seen.curves.offsets))
+    return drawn_points(seen.view(lines, shot.camera), style.choice, scale)
