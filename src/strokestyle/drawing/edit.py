@@ -245,7 +245,23 @@ def cut_at_parts(drawing: Drawing, pieces: Pieces) -> Drawing:
         ]
         texture = _stacked(strips, texture.margin[of])
     return replace(
-        drawing, strokes=strokes, color=drawing.color[of], texture=texture, parts=pieces.parts
+        drawing,
+        strokes=strokes,
+        color=drawing.color[of],
+        texture=texture,
+        parts=pieces.parts,
+        track=_names_of_pieces(drawing.track, of),
+    )
+
+
+def _names_of_pieces(track: tuple[str, ...] | None, of: np.ndarray) -> tuple[str, ...] | None:
+    """The tracks of pieces of strokes `of` (P,): "12", and the pieces after it "12.1", "12.2"."""
+    if track is None:
+        return None
+    first = np.searchsorted(of, of)
+    return tuple(
+        track[i] if k == a or not track[i] else f"{track[i]}.{k - a}"
+        for k, (i, a) in enumerate(zip(of.tolist(), first.tolist(), strict=True))
     )
 
 
@@ -265,7 +281,15 @@ def keep(drawing: Drawing, index: np.ndarray) -> Drawing:
         rows, offsets = take_ragged(texture.offsets, index)
         texture = Texture(texture.rgba[rows], offsets, texture.margin[index])
     parts = None if drawing.parts is None else drawing.parts.take(index)
-    return replace(drawing, strokes=kept, color=drawing.color[index], texture=texture, parts=parts)
+    track = None if drawing.track is None else tuple(drawing.track[i] for i in index.tolist())
+    return replace(
+        drawing,
+        strokes=kept,
+        color=drawing.color[index],
+        texture=texture,
+        parts=parts,
+        track=track,
+    )
 
 
 def check_range(what: str, value: float, low: float, high: float) -> None:

@@ -55,6 +55,7 @@ class Data:
     # of a stroke; the kind also of a group of one kind
     CLASS = "data-ss-class"
     PART = "data-ss-part"
+    TRACK = "data-ss-track"
     PATH = "data-ss-path"
     WIDTH = "data-ss-width"
     CLOSED = "data-ss-closed"
@@ -67,6 +68,7 @@ class Data:
 
 
 ATTRIBUTES = {name: value for name, value in vars(Data).items() if name.isupper()}
+TRACK_NAME = re.compile(r"[\w.-]{1,100}", re.ASCII)  # what a stroke's track may be called
 STROKE_CLASS, CURVE_CLASS, PART_CLASS = "stroke", "curve", "part"  # of elements and of layers
 PAPER_ID = "paper"  # of the rectangle behind everything
 

@@ -186,7 +186,9 @@ def _drawing(strokes: Sequence[ReadStroke], size: tuple[int, int], parts: Parts 
         np.array([stroke.closed for stroke in strokes], bool),
     )
     color = np.array([stroke.color for stroke in strokes]).reshape(-1, 4)
-    return Drawing(lines, size, color, _texture(strokes, lines, color), parts)
+    track = tuple(stroke.track for stroke in strokes)
+    texture = _texture(strokes, lines, color)
+    return Drawing(lines, size, color, texture, parts, track if any(track) else None)
 
 
 def _texture(strokes: Sequence[ReadStroke], lines: Strokes, color: np.ndarray) -> Texture | None:

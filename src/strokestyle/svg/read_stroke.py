@@ -25,7 +25,7 @@ from ..geometry.bezier import flatten
 from ..geometry.curves import KINDS, arc, arc_length, kind_named
 from ..geometry.parts import part_name
 from .centre_lines import EFFECT
-from .format import INKSCAPE_NAMESPACE, LIMITS, STROKE_CLASS, Data
+from .format import INKSCAPE_NAMESPACE, LIMITS, STROKE_CLASS, TRACK_NAME, Data
 from .kept import DrawnStroke
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
 from .markup import Element
@@ -86,7 +86,7 @@ class ReadStroke:
     color : (4,) straight RGBA in [0, 1]
     strip : (m, A, 4) uint8, texels as `Texture` has them; None for flat ink
     margin : px that the strip reaches beyond half the width
-    part : "" for none
+    part, track : "" for none
     drawn : how it was drawn, where every letter of that is ours and it stands as it was written
     """
 
@@ -98,6 +98,7 @@ class ReadStroke:
     strip: np.ndarray | None
     margin: float
     part: str
+    track: str
     drawn: DrawnStroke | None
 
 
@@ -135,6 +136,7 @@ def read_strokes(
         strip=None,
         margin=margin,
         part=part_name(attributes.get(Data.PART, "")),
+        track=_track(attributes.get(Data.TRACK, "")),
         drawn=None,
     )  # fmt: skip
     stroke.strip = _strip(element, stroke, baked[0], budget)
@@ -143,6 +145,11 @@ def read_strokes(
         stroke.drawn = drawn
     home = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), state.matrix)
     return [_transformed_stroke(stroke, compose(home, transform)) for transform in baked]
+
+
+def _track(text: str) -> str:
+    """What a stroke's track is called; "" where that is no name."""
+    return text if TRACK_NAME.fullmatch(text) else ""
 
 
 def _color(element: StrokeElement) -> np.ndarray:
@@ -404,7 +411,7 @@ def drawn_stroke(
 ) -> DrawnStroke | None:
     """Give a stroke as it is drawn, if every letter of its element and path effect is ours.
 
-    It is without id, class, part and path effect.
+    It is without id, class, part, track and path effect.
 
     Parameters
     ----------
@@ -433,7 +440,7 @@ def _own_element(data: bytes, element: StrokeElement) -> Element | None:
         return None
     attributes = dict(_PAIR.findall(match[2]))
     is_stroke = attributes.pop("class", "") == STROKE_CLASS
-    for name in ("id", Data.PART, "inkscape:path-effect"):
+    for name in ("id", Data.PART, Data.TRACK, "inkscape:path-effect"):
         attributes.pop(name, None)
     if not is_stroke or "fill" not in attributes or not set(attributes) <= _KEPT_NAMES:
         return None

@@ -35,6 +35,7 @@ from .format import (
     STRIP_LEVELS_FEW,
     STROKE_CLASS,
     TONE_UNIT,
+    TRACK_NAME,
     WIDTH_DECIMALS,
     WIDTH_SLACK,
     Data,
@@ -70,7 +71,7 @@ def write_svg(
     ----------
     options : how to write it
     ids : (C,) names for the strokes; those that are empty, repeated or no names are made new. None:
-        s000, s001 ... in painting order
+        s000, s001 ... in painting order; of a drawing of an animation, by their tracks
     kept : `SvgFile.kept` of the file that the drawing comes from: strokes that nobody changed since
         are written as they were in it
     strips : write every stroke's strip, as `data-ss-strip` where it can be read off what is drawn:
@@ -94,7 +95,7 @@ def write_svg(
     if ink is not None:
         told = _told_strips(drawing, options, strokes, new, strips)
         strokes |= {i: _with_attributes(strokes[i], strip) for i, strip in told.items()}
-    names = _names(order, ids, drawing.parts is not None)
+    names = _names(order, ids or _ids_of_tracks(drawing.track), drawing.parts is not None)
     items = [_item(drawing, i, names[i], strokes[i]) for i in order.tolist()]
     layers = options.layers
     content = [item.element for item in items] if layers == "none" else layered(items, layers)
@@ -154,6 +155,9 @@ def _item(drawing: Drawing, i: int, name: str, stroke: DrawnStroke) -> LayerItem
     given = {"id": name, "class": STROKE_CLASS, **stroke.element.attributes}
     if part:
         given[Data.PART] = printable(part)
+    track = "" if drawing.track is None else drawing.track[i]
+    if TRACK_NAME.fullmatch(track):
+        given[Data.TRACK] = track
     if stroke.offset_points:
         given["inkscape:path-effect"] = f"#{EFFECT}{name}"
     return LayerItem(
@@ -178,6 +182,14 @@ def _inks(drawing: Drawing, options: SvgOptions) -> Inks | None:
     """The inks of a drawing whose texture is to be shown."""
     flat = options.texture == "none" or options.inkscape_lpe
     return None if flat or drawing.texture is None else inks(drawing.texture)
+
+
+def _ids_of_tracks(track: Sequence[str] | None) -> list[str] | None:
+    """The ids that strokes of an animation have in all its drawings: s012 of the track 12."""
+    if track is None:
+        return None
+    padded = (re.sub("^[0-9]+", lambda number: number[0].zfill(3), name) for name in track)
+    return [f"s{name}" if name else "" for name in padded]
 
 
 def _names(order: np.ndarray, ids: Sequence[str] | None, parts: bool) -> list[str]:
