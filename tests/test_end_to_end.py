@@ -167,7 +167,7 @@ def test_many_shapes_go_to_a_folder_and_one_bad_one_does_not_stop_them(studio, t
     result = run("render", studio / "m.pt", meshes, "-o", f"{out}/", *VIEW)
     assert result.exit_code == 1
     assert "b.obj" in result.stderr and "2 of 3 shapes drawn" in result.stderr
-    assert sorted(p.name for p in out.iterdir()) == ["a.svg", "c.svg"]
+    assert sorted(p.name for p in out.iterdir()) == ["a.svg", "batch.jsonl", "c.svg"]
     jobs = run(
         "render",
         studio / "m.pt",
@@ -228,10 +228,11 @@ def test_stages_of_several_shapes(studio, tmp_path):
     parts = ("1-curves", "2-displaced", "3-strokes", "4-textured")
     names = {f"{part}.{suffix}" for part in parts for suffix in ("svg", "png")} | {"sheet.png"}
     wanted = {f"{shape}-{name}" for shape in ("torus", "ball") for name in names}
-    assert {p.name for p in (tmp_path / "s").iterdir()} == wanted
+    assert {p.name for p in (tmp_path / "s").iterdir()} == wanted | {"batch.jsonl"}
     beside = run(*args, "-o", tmp_path / "out/")
     assert beside.exit_code == 0 and sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "ball.svg",
+        "batch.jsonl",
         "torus.svg",
     ]
     assert [kind for kind, _ in strokes_of(tmp_path / "s" / "torus-4-textured.svg")] == [

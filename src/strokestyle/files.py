@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import platform
+import re
 import tempfile
 import zipfile
 import zlib
@@ -33,7 +36,8 @@ def replace_file(path: str | Path, write: Callable[[str], None]) -> None:
     """
     path = Path(path)
     check_writable(path)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name[:40]}.", suffix=".part", dir=path.parent)
+    prefix = f".{path.name[:40]}.{_writer(os.getpid())}-"
+    handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=path.parent)
     os.close(handle)
     try:
         write(name)
@@ -42,6 +46,51 @@ def replace_file(path: str | Path, write: Callable[[str], None]) -> None:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def clear_parts(folder: str | Path, process: int | None = None) -> None:
+    """Remove what killed processes left half-written in a folder, under its temporary names.
+
+    Files of other computers, which may share the folder, and of processes that live stay. What
+    cannot be removed stays as well.
+
+    `process` : where given, the number of a process that is no more: only its files go
+    """
+    try:
+        names = os.listdir(folder)
+    except OSError:
+        return
+    for name in names:
+        if found := _PART.fullmatch(name):
+            host, writer = found[1], int(found[2])
+            gone = writer == process if process is not None else not _lives(writer)
+            if host == _host() and gone:
+                with contextlib.suppress(OSError):
+                    os.unlink(os.path.join(folder, name))
+
+
+_PART = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-[^.]*\.part", re.DOTALL)
+
+
+def _writer(process: int) -> str:
+    return f"{_host()}-{process}"
+
+
+def _host() -> str:
+    return f"{zlib.crc32(platform.node().encode('utf-8', 'replace')):08x}"
+
+
+def _lives(process: int) -> bool:
+    """Whether a process of this computer lives; where the system does not tell, it does."""
+    if os.name == "nt":  # there, signal 0 would end it
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,7 +33,7 @@ class UnclearOutput(ValueError):
     """The shapes and the output that were asked for do not go together."""
 
 
-def plan_outputs(shapes: Sequence[str], output: str) -> list[Job]:
+def plan_outputs(shapes: Sequence[str], output: str, mirror: bool = False) -> list[Job]:
     """Plan which file each shape's drawing is written to, before anything is drawn.
 
     Parameters
@@ -42,6 +42,9 @@ def plan_outputs(shapes: Sequence[str], output: str) -> list[Job]:
     output : a file for one drawing, OUT.svg or OUT.svgz; a folder, one that is there already or any
         name that ends in a slash or has no suffix, for SHAPE.svg each; or STANDARD_OUTPUT. The
         folder is made where it is missing.
+    mirror : whether shapes keep their folders, which are made in the output's, and are looked for
+        in the folders of a folder as well. A shape found in a folder keeps its folders from there
+        on, others from the folder on that is common to all of those.
 
     Raises
     ------
@@ -52,11 +55,10 @@ def plan_outputs(shapes: Sequence[str], output: str) -> list[Job]:
     OSError
         where an output cannot be written.
     """
-    found = find_shapes(shapes)
-    folder = Path(output)
-    to_folder = output != STANDARD_OUTPUT and (
-        output.endswith(("/", os.sep)) or folder.is_dir() or folder.suffix == ""
-    )
+    found, beneath = _found_beneath(shapes) if mirror else (find_shapes(shapes), None)
+    folder, to_folder = Path(output), is_folder(output)
+    if mirror and not to_folder:
+        raise UnclearOutput(f"folders are mirrored in a folder, such as drawings/, not {output}")
     if len(found) > 1 and not to_folder:
         raise UnclearOutput(
             f"{len(found)} shapes need a folder to go to, such as drawings/, not {output}"
@@ -68,12 +70,38 @@ def plan_outputs(shapes: Sequence[str], output: str) -> list[Job]:
             raise UnclearOutput(f"{output}: drawings are .svg or .svgz, or a folder of them")
         jobs = [Job(found[0], output)]
     else:
-        jobs = [Job(shape, str(folder / (Path(shape).stem + ".svg"))) for shape in found]
+        places = beneath or [""] * len(found)
+        jobs = [
+            Job(shape, str(folder / place / (Path(shape).stem + ".svg")))
+            for shape, place in zip(found, places, strict=True)
+        ]
         _refuse_two_to_one(jobs)
-        folder.mkdir(parents=True, exist_ok=True)
+        for place in dict.fromkeys(places):
+            (folder / place).mkdir(parents=True, exist_ok=True)
     for job in jobs:
         check_output(job.output, found)
     return jobs
+
+
+def is_folder(output: str) -> bool:
+    """Whether an output stands for a folder of drawings, which need not be there yet."""
+    if output == STANDARD_OUTPUT:
+        return False
+    path = Path(output)
+    return output.endswith(("/", os.sep)) or path.is_dir() or path.suffix == ""
+
+
+def split_list(data: bytes) -> list[str]:
+    """Split a list of files as `ls` or `find` print it: a line each, or with NULs in between.
+
+    Blank lines are passed over; a name keeps its blanks.
+    """
+    if b"\0" in data:
+        names = data.split(b"\0")
+    else:
+        lines = data.removeprefix(b"\xef\xbb\xbf").split(b"\n")
+        names = [b"" if line.isspace() else line.removesuffix(b"\r") for line in lines]
+    return [os.fsdecode(name) for name in names if name]
 
 
 def find_shapes(paths: Sequence[str]) -> list[str]:
@@ -86,14 +114,32 @@ def find_shapes(paths: Sequence[str]) -> list[str]:
         if not Path(path).is_dir():
             found.append(path)
             continue
-        suffixes = MESH_SUFFIXES + VIEW_SUFFIXES
-        inside = sorted(file for file in Path(path).iterdir() if file.suffix.lower() in suffixes)
-        if not inside:
-            raise ValueError(
-                f"{path}: no mesh and no view in this folder ({', '.join(MESH_SUFFIXES)}, .npz)"
-            )
-        found += [str(file) for file in inside]
+        found += _shapes_in(path, Path(path).iterdir())
     return found
+
+
+def _shapes_in(folder: str, files: Iterable[Path]) -> list[str]:
+    suffixes = MESH_SUFFIXES + VIEW_SUFFIXES
+    inside = sorted(file for file in files if file.suffix.lower() in suffixes and not file.is_dir())
+    if not inside:
+        raise ValueError(
+            f"{folder}: no mesh and no view in this folder ({', '.join(MESH_SUFFIXES)}, .npz)"
+        )
+    return [str(file) for file in inside]
+
+
+def _found_beneath(paths: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The shapes, and the folders that each keeps."""
+    files = [os.path.abspath(path) for path in paths if not Path(path).is_dir()]
+    common = os.path.commonpath([os.path.dirname(file) for file in files]) if files else ""
+    found, beneath = [], []
+    for path in paths:
+        top, inside = common, [path]
+        if Path(path).is_dir():
+            top, inside = os.path.abspath(path), _shapes_in(path, Path(path).rglob("*"))
+        found += inside
+        beneath += [os.path.relpath(os.path.dirname(os.path.abspath(one)), top) for one in inside]
+    return found, beneath
 
 
 def numbered_output(output: str, index: int, count: int) -> str:
@@ -113,6 +159,6 @@ def _refuse_two_to_one(jobs: list[Job]) -> None:
         if output in taken:
             raise UnclearOutput(
                 f"{taken[output]} and {shape} would both be written to {output}: "
-                "draw them into two folders"
+                "draw them into two folders, or mirror theirs"
             )
         taken[output] = shape

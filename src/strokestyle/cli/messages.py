@@ -22,10 +22,31 @@ def verbosity() -> int:
     return context.meta.get(VERBOSITY, 0) if context else 0
 
 
+_heard: list[tuple[int, str]] | None = None
+_aloud = True
+
+
 def say(text: str = "", level: int = 0) -> None:
     """Tell the user on stderr; `level` 1 only with -v, and nothing with -q but what has -1."""
-    if verbosity() >= level:
+    if _heard is not None:
+        _heard.append((level, text))
+    if _aloud and verbosity() >= level:
         click.echo(text, err=True)
+
+
+@contextlib.contextmanager
+def listening(aloud: bool = True) -> Iterator[list[tuple[int, str]]]:
+    """Give what is said within, and its levels; not `aloud`, it is left to another to say."""
+    global _heard, _aloud
+    before = _heard, _aloud
+    heard: list[tuple[int, str]] = []
+    _heard, _aloud = heard, aloud and _aloud
+    try:
+        yield heard
+    finally:
+        _heard, _aloud = before
+        if _heard is not None:
+            _heard += heard
 
 
 class timed:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -131,6 +132,20 @@ class Detail(click.ParamType):
                 f"{value}: a range of detail runs from LOW to HIGH: {high:g}..{low:g}", param, ctx
             )
         return low, high
+
+
+class MemorySize(click.ParamType):
+    """Memory: "2G", "1.5G" or "800M" -> bytes."""
+
+    name = "SIZE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        if isinstance(value, int):
+            return value
+        match = re.fullmatch(r"(\d+(?:\.\d*)?)\s*([KMGT])(?:I?B)?", str(value).strip().upper())
+        if not match or float(match[1]) <= 0:
+            self.fail(f"{value!r} is no size of memory: give one such as 800M or 2G", param, ctx)
+        return int(float(match[1]) * 1024 ** (1 + "KMGT".index(match[2])))
 
 
 # ----------------------------------------------------------------------------------- option groups
@@ -322,6 +337,49 @@ device_option = click.option(
     default="auto",
     show_default=True,
     help="Where to compute; auto takes CUDA where there is one.",
+)
+
+json_option = click.option(
+    "--json",
+    "tell",
+    is_flag=True,
+    help="Print what became of each shape on standard output as it is done, a line of JSON each.",
+)
+
+# How many shapes are drawn: none of it changes a drawing.
+batch_options = OptionGroup(
+    click.option(
+        "--jobs",
+        type=click.IntRange(1, 256),
+        default=1,
+        show_default=True,
+        help="Shapes drawn at the same time.",
+    ),
+    click.option(
+        "--mirror",
+        is_flag=True,
+        help="Look for shapes in the folders of a folder too, and keep their folders: "
+        "-o out/ draws meshes/a/x.obj into out/a/x.svg.",
+    ),
+    click.option(
+        "--resume",
+        is_flag=True,
+        help="Go on with a batch that was stopped: draw only what OUT/batch.jsonl does not know as "
+        "drawn with this model, options and shape, or what is not whole.",
+    ),
+    click.option(
+        "--timeout",
+        type=click.FloatRange(0, min_open=True),
+        metavar="SECONDS",
+        help="Give up a shape that takes longer, and go on with the others.",
+    ),
+    click.option(
+        "--memory",
+        type=MemorySize(),
+        help="Give up a shape for which a worker needs more, such as 2G, and go on with the "
+        "others. On Linux and macOS.",
+    ),
+    json_option,
 )
 
 # How an SVG is written: fields of SvgOptions, under their names.

@@ -1,8 +1,10 @@
-"""How far a fit is, on stderr: a bar on a terminal, a line per stage elsewhere."""
+"""How far a fit or a batch is, on stderr: a bar on a terminal, lines elsewhere."""
 
 from __future__ import annotations
 
 import sys
+import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from .messages import say, verbosity
@@ -28,7 +30,7 @@ class ProgressDisplay:
 
     def __enter__(self) -> ProgressDisplay:
         if verbosity() >= 0 and sys.stderr.isatty():
-            self.bars = _bars()
+            self.bars = _bars("losses", "left")
             self.bars.start()
         return self
 
@@ -48,16 +50,67 @@ class ProgressDisplay:
         self.stage = event.stage
 
 
-def _bars() -> Bars:
+class BatchDisplay:
+    """Shows how far a batch is while it stands in a `with`: a bar with the time left.
+
+    Only on a terminal; elsewhere the shapes' own lines tell. Nothing with -q.
+
+    Parameters
+    ----------
+    sizes : what each shape weighs against the others, by its name; the time left goes by it
+    total, done : how many shapes there are, and how many of them were drawn before
+    """
+
+    def __init__(self, sizes: Mapping[str, float], total: int, done: int = 0):
+        self.sizes, self.total, self.done, self.failed = sizes, total, done, 0
+        self.ahead = sum(sizes.values())
+        self.behind = 0.0
+        self.bars: Bars | None = None
+
+    def __enter__(self) -> BatchDisplay:
+        if self.total > 1 and verbosity() >= 0 and sys.stderr.isatty():
+            self.bars = _bars("failed", "left")
+            self.task = self.bars.add_task(
+                "drawing", total=self.total, completed=self.done, failed="", left=""
+            )
+            self.start = time.monotonic()
+            self.bars.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self.bars:
+            self.bars.stop()
+
+    def step(self, shape: str, drawn: bool) -> None:
+        """Count a shape that is done."""
+        size = self.sizes.get(shape, 0.0)
+        self.ahead, self.behind = self.ahead - size, self.behind + size
+        self.done, self.failed = self.done + 1, self.failed + (not drawn)
+        if self.bars:
+            seconds = (time.monotonic() - self.start) * self.ahead / max(self.behind, 1e-9)
+            failed = f"{self.failed} failed" if self.failed else ""
+            self.bars.update(self.task, completed=self.done, failed=failed, left=_left(seconds))
+
+
+def _left(seconds: float) -> str:
+    """Time left, as a person says it: "40 s left", "12 min left", "3.5 h left"."""
+    if seconds < 100:
+        return f"{max(0.0, seconds):.0f} s left"
+    return f"{seconds / 60:.0f} min left" if seconds < 5400 else f"{seconds / 3600:.1f} h left"
+
+
+def _bars(*fields: str) -> Bars:
+    """A bar with texts: the first of `fields` before the time gone by, the others after it."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    texts = [TextColumn(f"{{task.fields[{field}]}}") for field in fields]
     columns = (
         TextColumn("{task.description}"),
         BarColumn(24),
         TextColumn("{task.completed}/{task.total}"),
-        TextColumn("{task.fields[losses]}"),
+        texts[0],
         TimeElapsedColumn(),
-        TextColumn("{task.fields[left]}"),
+        *texts[1:],
     )
     return Progress(*columns, console=Console(stderr=True), refresh_per_second=4)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,12 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from .. import __version__
-from .batch import draw_batch
+from .batch import Recipe, draw_batch, how_to_run, read_list
 from .messages import count_curves, say, timed
 from .model import read_style
 from .options import (
     CHOICES,
     TEXTURES,
+    batch_options,
     common_options,
     curve_options,
     device_option,
@@ -72,7 +75,8 @@ class RenderSettings(NamedTuple):
 Examples:
   strokestyle render model.pt mesh.obj -o out.svg --png
   strokestyle render model.pt *.ply -o drawings/
-  strokestyle render model.pt meshes/ -o drawings/ --jobs 2 --view side
+  strokestyle render model.pt meshes/ -o drawings/ --jobs 2 --timeout 60 --resume
+  find meshes -name '*.stl' -print0 | strokestyle render model.pt - -o drawings/ --mirror
   strokestyle render model.pt mesh.obj -o spin/ --turntable 24 --png
   strokestyle render model.pt mesh.obj --stages figure/
   strokestyle render model.pt mesh.obj -o - | gzip > out.svgz"""
@@ -124,13 +128,7 @@ Examples:
     "-3-strokes, -4-textured, and all four on one -sheet.png. Takes the place of -o, or goes "
     "beside it.",
 )
-@click.option(
-    "--jobs",
-    type=click.IntRange(1, 256),
-    default=1,
-    show_default=True,
-    help="Shapes drawn at the same time.",
-)
+@batch_options
 @seed_option
 @device_option
 @view_options
@@ -147,27 +145,27 @@ def render(
     png: bool,
     png_scale: float,
     stages: str | None,
-    jobs: int,
+    mirror: bool,
     seed: int,
     device: str,
     **options: Any,
 ) -> None:
     """Draw SHAPES in the hand of MODEL, one SVG each.
 
-    A folder stands for all the meshes and views in it. Where one of several shapes cannot be drawn,
-    the others are, and the exit code is 1.
+    A folder stands for all the meshes and views in it, and - for a list on standard input, one file
+    a line or with NULs in between. Where one of several shapes cannot be drawn, the others are, and
+    the exit code is 1. OUT/batch.jsonl tells what became of each.
     """
+    running = {name: options.pop(name) for name in batch_options.flags if name in options}
     target = output
     if stages:
         Path(stages).mkdir(parents=True, exist_ok=True)
         target = output or os.path.join(stages, "")
     if target is None:
         raise click.UsageError("nothing to write: give -o OUT.svg, or --stages DIR")
-    batch = plan(shapes, target)
-    if output == STANDARD_OUTPUT and (png or options["turntable"]):
-        raise click.UsageError(
-            "standard output takes one SVG: no --png and no --turntable with -o -"
-        )
+    if output == STANDARD_OUTPUT:
+        refuse_beside_standard_output(png, options, running)
+    batch = plan(read_list(shapes), target, mirror)
     settings = RenderSettings(
         model,
         device,
@@ -180,18 +178,53 @@ def render(
         stages_scale=png_scale,
         choice=choice,
     )
-    if draw_batch(functools.partial(draw_shape, settings), model, batch, jobs):
+    check_options(batch, options)
+    several = len(batch) > 1 or running["resume"] or shapes != (batch[0].shape,)
+    if draw_batch(recipe_of(settings), batch, how_to_run(target, several, stages, running)):
         sys.exit(1)
 
 
-def plan(shapes: tuple[str, ...], output: str) -> list[Job]:
+def refuse_beside_standard_output(
+    png: bool, options: Mapping[str, Any], running: Mapping[str, Any]
+) -> None:
+    """Raise a usage error where more than one SVG would go to standard output, or less."""
+    if png or options["turntable"]:
+        raise click.UsageError(
+            "standard output takes one SVG: no --png and no --turntable with -o -"
+        )
+    flags = [flag for name, flag in batch_options.flags.items() if running.get(name)]
+    flags = [flag for flag in flags if flag != "--jobs"]
+    if flags:
+        raise click.UsageError(f"-o - takes one SVG by itself: leave out {', '.join(flags)}")
+
+
+def plan(shapes: Sequence[str], output: str, mirror: bool) -> list[Job]:
     """Which file each shape goes to; where that is not clear, the command line is wrong."""
     from ..batch.plan import UnclearOutput, plan_outputs
 
     try:
-        return plan_outputs(shapes, output)
+        return plan_outputs(shapes, output, mirror)
     except UnclearOutput as error:
         raise click.UsageError(str(error)) from None
+
+
+def check_options(batch: Sequence[Job], options: Mapping[str, Any]) -> None:
+    """Raise a usage error where options contradict each other or a shape, before any is drawn."""
+    for job in batch:
+        with contextlib.suppress(OSError):  # it is not there: that one is not drawn
+            Shape(job.shape, options)
+
+
+def recipe_of(settings: RenderSettings) -> Recipe:
+    """How all shapes are drawn, and the key of all that this depends on."""
+    from ..batch.keys import settings_key
+
+    return Recipe(
+        functools.partial(read_style, settings.model, settings.device),
+        functools.partial(draw_shape, settings),
+        settings.model,
+        settings_key({"version": __version__, **settings._asdict()}),
+    )
 
 
 # --------------------------------------------------------------------------------------- one shape
