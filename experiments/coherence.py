@@ -26,7 +26,11 @@ swim       px by which the texture slides along a stroke over the surface, mean 
            be recognised, and `known`, the share that can
 stretch    |log2| of the texture's local change of length, beside that of the line, 90th percentile
 missing    tracks that are absent in a frame between two in which they are drawn
-moved      strokes that lie elsewhere in the next frame than under their own track"""
+moved      strokes that lie elsewhere in the next frame than under their own track
+renamed    strokes that go on, under another track
+
+With --against DIR, frames of the same cameras that were drawn one by one: how much of their lines
+these frames draw, and how much of what these draw is not on lines of theirs."""
 
 import argparse
 import json
@@ -674,6 +678,28 @@ def of_tracks(marks: list[Marks], links: list[tuple[Link, Link]], loop: bool, ev
             "moved": moved / max(same, 1), "renamed": renamed / max(due, 1)}  # fmt: skip
 
 
+def beside(drawings: Sequence[Drawing], others: Sequence[Drawing], scene: Scene) -> dict:
+    """Compare the lines that frames draw with those of other drawings of the same shots."""
+    length, met, other_length, other_met = [], [], [], []
+    for t, pair in enumerate(zip(drawings, others, strict=True)):
+        one, two = (put_on_lines(drawing, scene, t) for drawing in pair)
+        for a, b, size, along in ((one, two, length, met), (two, one, other_length, other_met)):
+            near = cKDTree(b.at).query_ball_point(a.at, 1.5 * SAME)
+            parallel = [
+                bool((np.abs(b.heading[k] @ heading) > PARALLEL).any()) if k else False
+                for k, heading in zip(near, a.heading, strict=True)
+            ]
+            size.append(len(a.at) * STEP)
+            along.append(sum(parallel) * STEP)
+    share = np.array(other_met) / np.maximum(other_length, 1)
+    extra = 1 - np.array(met) / np.maximum(length, 1)
+    return {
+        "drawn": sum(other_met) / sum(other_length), "drawn_least": float(share.min()),
+        "extra": 1 - sum(met) / sum(length), "extra_most": float(extra.max()),
+        "length": sum(length) / sum(other_length),
+    }  # fmt: skip
+
+
 # ------------------------------------------------------------------------------------------ input
 
 
@@ -781,6 +807,13 @@ def lines_of(report: dict) -> list[str]:
             f"missing {report['missing']:.2f} a frame, moved {100 * report['moved']:.1f} %, "
             f"renamed {100 * report['renamed']:.1f} %"
         )
+    if "against" in report:
+        share = {name: f"{100 * value:.0f} %" for name, value in report["against"].items()}
+        out.append(
+            f"against  {share['drawn']} of their lines drawn, {share['drawn_least']} in the worst "
+            f"frame; {share['extra']} are others, {share['extra_most']} in the worst; "
+            f"{share['length']} of their length"
+        )
     return out
 
 
@@ -813,6 +846,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--camera", help="camera.json of a sequence of meshes")
     parser.add_argument("--size", default=f"{DEFAULT_SIZE}x{DEFAULT_SIZE}")
     parser.add_argument("--keep", type=Path, help="folder in which the frames drawn are kept")
+    parser.add_argument("--against", type=Path, help="folder with stills of the same cameras")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--events", action="store_true", help="print each event: what, frame, "
                         "stroke, track, x, y")  # fmt: skip
@@ -829,6 +863,8 @@ def main(argv: list[str] | None = None) -> None:
         scene = scene_of(options, [mesh], len(drawings))
     report = measure(drawings, scene)
     events = report.pop("events")
+    if options.against:
+        report["against"] = beside(drawings, read_frames(options.against), scene)
     print(json.dumps({**report, "events": events}) if options.json else "\n".join(lines_of(report)))
     if options.events:
         print(*(" ".join(map(str, event)) for event in sorted(events)), sep="\n")

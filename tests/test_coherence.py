@@ -162,3 +162,16 @@ def test_a_track_that_is_absent_for_a_frame_or_lies_elsewhere_is_found(rule, sce
     names = [event[0] for event in events]
     assert names.count("missing") == 1 and names.count("moved") == 4 and names.count("renamed") == 2
     assert report["tracks"] == 10
+
+
+def test_lines_that_stills_draw_and_an_animation_does_not_are_told_by_their_length(
+    rule, scene, frames
+):
+    fewer = changed(frames, lambda lines: lines.pop(6), at=0)[:1]
+    lengths = [np.hypot(*(line[-1] - line[0])) for line in lines_of(frames[0])]
+    found = rule.beside(fewer, frames[:1], scene)
+    away = lengths[6] / sum(lengths)
+    assert found["length"] == pytest.approx(1 - away, abs=0.01)
+    assert found["drawn"] == pytest.approx(1 - away, abs=0.02) and found["extra"] == 0
+    found = rule.beside(frames[:1], fewer, scene)
+    assert found["extra"] == pytest.approx(away, abs=0.02) and found["drawn"] == 1
