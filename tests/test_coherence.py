@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shapes import sphere
 from solids import box
 
 from strokestyle.drawing.ribbon import ribbon
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture
 from strokestyle.extract.camera import fit_camera
+from strokestyle.extract.pipeline import extract_view
 from strokestyle.geometry.curves import KINDS
 from strokestyle.mesh.surface import make_surface
 
@@ -175,3 +177,25 @@ def test_lines_that_stills_draw_and_an_animation_does_not_are_told_by_their_leng
     assert found["drawn"] == pytest.approx(1 - away, abs=0.02) and found["extra"] == 0
     found = rule.beside(frames[:1], fewer, scene)
     assert found["extra"] == pytest.approx(away, abs=0.02) and found["drawn"] == 1
+
+
+def outline_of(surface, camera, begins):
+    """An egg's outline as one stroke that begins where it reaches farthest towards `begins`."""
+    xy = extract_view(surface, camera).curves.xy[:-1]
+    first = int((xy @ begins).argmax())
+    xy = np.concatenate([xy[first:], xy[: first + 1]])
+    strokes = Strokes(xy, np.full(len(xy), 3.0), np.array([0, len(xy)]), np.zeros(1), np.ones(1))
+    return Drawing(strokes, (SIZE, SIZE), np.array([[0.0, 0, 0, 1]]))
+
+
+def test_an_outline_that_moves_over_the_surface_is_followed(rule):
+    ball = sphere()
+    egg = make_surface(ball.vertices * [1.0, 1.3, 0.7], ball.faces)
+    camera = fit_camera(egg.vertices, "20,10", width=SIZE, height=SIZE)
+    scene = rule.Scene(lambda t: (egg, camera.turned(10.0 * t)), 4, False)
+    up, down = np.array([0.0, -1.0]), np.array([0.0, 1.0])
+    frames = [outline_of(egg, scene.shots(t)[1], up) for t in range(4)]
+    report = rule.measure(frames, scene)
+    assert report["events"] == [] and report["persist"]["contour"] == 1
+    frames[2] = outline_of(egg, scene.shots(2)[1], down)
+    assert [event[0] for event in rule.measure(frames, scene)["events"]] == ["begin", "begin"]
