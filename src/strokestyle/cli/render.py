@@ -14,6 +14,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from .. import __version__
+from .animation import (
+    Animation,
+    animation_options,
+    draw_animation,
+    is_animation,
+    plan_animation,
+    sorted_outputs,
+)
 from .batch import Recipe, draw_batch, how_to_run, read_list
 from .messages import count_curves, say, timed
 from .model import read_style
@@ -56,6 +64,7 @@ class RenderSettings(NamedTuple):
     stages : folder for the steps of the drawing, or None
     stages_scale : pixels of their PNGs per pixel of the drawing
     choice : "learned" or "all" lines
+    animation : what moves, or None for drawings one by one
     """
 
     model: str
@@ -68,6 +77,7 @@ class RenderSettings(NamedTuple):
     stages: str | None
     stages_scale: float
     choice: str
+    animation: Animation | None = None
 
 
 @click.command(
@@ -77,7 +87,8 @@ Examples:
   strokestyle render model.pt *.ply -o drawings/
   strokestyle render model.pt meshes/ -o drawings/ --jobs 2 --timeout 60 --resume
   find meshes -name '*.stl' -print0 | strokestyle render model.pt - -o drawings/ --mirror
-  strokestyle render model.pt mesh.obj -o spin/ --turntable 24 --png
+  strokestyle render model.pt mesh.obj -o spin.html -o spin.gif --turntable 24
+  strokestyle render model.pt frames/*.obj --sequence -o walk.mp4
   strokestyle render model.pt mesh.obj --stages figure/
   strokestyle render model.pt mesh.obj -o - | gzip > out.svgz"""
 )
@@ -86,8 +97,12 @@ Examples:
 @click.option(
     "-o",
     "--output",
+    "outputs",
     type=click.Path(),
-    help="OUT.svg, OUT.svgz, a folder for several drawings, or - for standard output.",
+    multiple=True,
+    help="OUT.svg, OUT.svgz, a folder for several drawings, or - for standard output. An animation "
+    "also goes to OUT.html, .gif, .apng, .webp, .mp4 or .webm, and to several at once: -o may be "
+    "given several times.",
 )
 @click.option(
     "--texture",
@@ -115,12 +130,6 @@ Examples:
 )
 @file_options
 @click.option(
-    "--turntable",
-    type=click.IntRange(1, 3600),
-    metavar="N",
-    help="N drawings round the upright axis, OUT-000.svg ...",
-)
-@click.option(
     "--stages",
     type=click.Path(),
     metavar="DIR",
@@ -128,6 +137,7 @@ Examples:
     "-3-strokes, -4-textured, and all four on one -sheet.png. Takes the place of -o, or goes "
     "beside it.",
 )
+@animation_options
 @batch_options
 @seed_option
 @device_option
@@ -139,7 +149,7 @@ Examples:
 def render(
     model: str,
     shapes: tuple[str, ...],
-    output: str | None,
+    outputs: tuple[str, ...],
     texture: str,
     choice: str,
     png: bool,
@@ -156,42 +166,50 @@ def render(
     a line or with NULs in between. Where one of several shapes cannot be drawn, the others are, and
     the exit code is 1. OUT/batch.jsonl tells what became of each.
     """
+    if not (outputs or stages):
+        raise click.UsageError("nothing to write: give -o OUT.svg, or --stages DIR")
     running = {name: options.pop(name) for name in batch_options.flags if name in options}
-    target = output
+    look = {"texture": texture, **file_options.given(options)}
+    animated = is_animation(options, stages)
+    output, films = sorted_outputs(outputs, animated)
+    if output == STANDARD_OUTPUT:
+        refuse_beside_standard_output(png, running)
     if stages:
         Path(stages).mkdir(parents=True, exist_ok=True)
-        target = output or os.path.join(stages, "")
-    if target is None:
-        raise click.UsageError("nothing to write: give -o OUT.svg, or --stages DIR")
-    if output == STANDARD_OUTPUT:
-        refuse_beside_standard_output(png, options, running)
-    batch = plan(read_list(shapes), target, mirror)
+        if animated and not options["still"]:
+            say("--stages: each frame is drawn on its own, as with --still")
+    listed, animation = read_list(shapes), None
+    target = output or os.path.join(stages or os.curdir, "")
+    if animated and not stages:
+        batch, sequence = plan_animation(listed, output, films, mirror, options)
+        written = output is not None, films
+        animation = Animation(options, *written, look, seed, png, png_scale, sequence)
+    else:
+        batch = plan(listed, target, mirror)
     settings = RenderSettings(
         model,
         device,
         seed,
         shape=options,
-        look={"texture": texture, **file_options.given(options)},
+        look=look,
         write_svg=output is not None,
         preview=png_scale if png else None,
         stages=stages,
         stages_scale=png_scale,
         choice=choice,
+        animation=animation,
     )
     check_options(batch, options)
-    several = len(batch) > 1 or running["resume"] or shapes != (batch[0].shape,)
+    alone = shapes == (batch[0].shape,) or (animation is not None and animation.sequence)
+    several = len(batch) > 1 or running["resume"] or not alone
     if draw_batch(recipe_of(settings), batch, how_to_run(target, several, stages, running)):
         sys.exit(1)
 
 
-def refuse_beside_standard_output(
-    png: bool, options: Mapping[str, Any], running: Mapping[str, Any]
-) -> None:
+def refuse_beside_standard_output(png: bool, running: Mapping[str, Any]) -> None:
     """Raise a usage error where more than one SVG would go to standard output, or less."""
-    if png or options["turntable"]:
-        raise click.UsageError(
-            "standard output takes one SVG: no --png and no --turntable with -o -"
-        )
+    if png:
+        raise click.UsageError("standard output takes one SVG: no --png with -o -")
     flags = [flag for name, flag in batch_options.flags.items() if running.get(name)]
     flags = [flag for flag in flags if flag != "--jobs"]
     if flags:
@@ -238,6 +256,8 @@ def draw_shape(settings: RenderSettings, job: Job) -> Drawn:
     style = read_style(settings.model, settings.device)
     if settings.choice == "all":
         style = replace(style, choice=None)
+    if settings.animation:
+        return draw_animation(settings.animation, style, job)
     optional = style.choice is not None and style.choice.optional is not None
     told, files, left_out, kept = [], [], set(), False
     drawn_lines, strokes = 0, 0

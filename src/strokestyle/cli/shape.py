@@ -13,6 +13,8 @@ from .messages import timed, told_warnings
 from .options import curve_options, line_options, shape_options, view_options
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ..extract.camera import Camera
     from ..extract.line_options import LineOptions
     from ..extract.view import View
@@ -100,16 +102,22 @@ class Shape:
 
         It is fitted to the whole mesh, whatever is left out or cut off: pictures lie on each other.
         """
-        from ..extract.camera import DEFAULT_FOV, DEFAULT_SIZE, Camera, fit_camera
+        from ..extract.camera import Camera
+
+        if self.options.get("camera"):
+            return Camera.load(self.options["camera"])
+        return self.fitted(self.surface.vertices)
+
+    def fitted(self, vertices: np.ndarray) -> Camera:
+        """The camera that the view options ask for, fitted to vertices (V, 3)."""
+        from ..extract.camera import DEFAULT_FOV, DEFAULT_SIZE, fit_camera
         from ..extract.turntable import fit_turntable_camera
 
         options = self.options
-        if options.get("camera"):
-            return Camera.load(options["camera"])
         width, height = options.get("size") or (DEFAULT_SIZE, DEFAULT_SIZE)
         fit = fit_turntable_camera if options.get("turntable") else fit_camera
         return fit(
-            self.surface.vertices,
+            vertices,
             options.get("view") or "three-quarter",
             options.get("fov") or DEFAULT_FOV,
             width,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -369,10 +370,49 @@ def make_surface(
     ValueError
         on a wrong shape or number, or where no surface is left.
     """
-    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-    _check_soup(vertices, faces)
     if not (np.isfinite(smooth) and 0.0 <= smooth <= MAX_SMOOTH):
         raise ValueError(f"smooth must lie between 0 and {MAX_SMOOTH:g} mean edges, got {smooth}")
+    cleaned = clean(vertices, faces, crease, part, polygon, stitched=not rtsc)
+    return measured(cleaned, cleaned.vertices, smooth, part_names, rtsc)
+
+
+class Cleaned(NamedTuple):
+    """A triangle soup made fit to be measured.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64, box centre 0 and longest side 1
+    faces, part, polygon, weld, turned, centre, scale : as `Surface` has them
+    kept : (F,) int, the face given that each was, or was cut from
+    edges : of the welded faces
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    part: np.ndarray
+    polygon: np.ndarray
+    weld: np.ndarray
+    turned: np.ndarray
+    centre: np.ndarray
+    scale: float
+    kept: np.ndarray
+    edges: Edges
+
+
+def clean(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    crease: float = DEFAULT_CREASE,
+    part: np.ndarray | None = None,
+    polygon: np.ndarray | None = None,
+    stitched: bool = True,
+) -> Cleaned:
+    """Clean a triangle soup, without measuring it; arguments and errors as of `make_surface`.
+
+    `stitched` : look for T-junctions, and part sheets
+    """
+    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+    _check_soup(vertices, faces)
     if not 0.0 < crease <= 180.0:
         raise ValueError(f"crease must be an angle of up to 180 degrees, got {crease}")
     part = _one_per_face("part", np.zeros(len(faces)) if part is None else part, len(faces))
@@ -381,7 +421,7 @@ def make_surface(
     given = np.flatnonzero(~left_out(vertices, faces))
     points, faces = drop_unused_vertices(vertices, faces[given])
     points, centre, scale = centre_and_scale(points)
-    points, faces, kept = mend(points, faces, stitched=not rtsc)
+    points, faces, kept = mend(points, faces, stitched)
     kept = given[kept]
     edges = Edges.of(faces, len(points))
     turn = faces_to_flip(points, faces, edges)
@@ -389,20 +429,45 @@ def make_surface(
     # once more: faces that were dropped may have held the box open
     points, moved_centre, moved_scale = centre_and_scale(points)
     faces, weld = split_at_creases(points, faces, edges, crease, polygon[kept])
-    vertices = points[weld]
-    whole = edges if len(weld) == len(points) else None
+    return Cleaned(
+        points[weld],
+        faces,
+        part[kept],
+        polygon[kept],
+        weld,
+        turn,
+        centre + scale * moved_centre,
+        scale * moved_scale,
+        kept,
+        edges,
+    )
+
+
+def measured(
+    cleaned: Cleaned,
+    vertices: np.ndarray,
+    smooth: float = 0.0,
+    part_names: tuple[str, ...] = ("",),
+    rtsc: bool = False,
+) -> Surface:
+    """Measure a cleaned mesh whose vertices lie at `vertices` (V, 3), in the cleaned one's frame.
+
+    Arguments and errors are those of `make_surface`.
+    """
+    faces, weld, edges = cleaned.faces, cleaned.weld, cleaned.edges
+    whole = edges if np.array_equal(weld, np.arange(len(weld))) else None
     return Surface(
         vertices,
         faces,
         **differential_geometry(vertices, faces, smooth, rtsc, whole)._asdict(),
-        centre=centre + scale * moved_centre,
-        scale=scale * moved_scale,
-        part=part[kept],
+        centre=cleaned.centre,
+        scale=cleaned.scale,
+        part=cleaned.part,
         part_names=part_names,
-        polygon=polygon[kept],
+        polygon=cleaned.polygon,
         weld=weld,
-        turned=turn,
-        connectivity=Connectivity(vertices, faces, weld, edges, polygon[kept]),
+        turned=cleaned.turned,
+        connectivity=Connectivity(vertices, faces, weld, edges, cleaned.polygon),
     )
 
 

@@ -1,0 +1,499 @@
+"""Draw an animation: what moves, how, and which frames and films are written of it."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from .. import __version__
+from .messages import timed, told_warnings
+from .options import OptionGroup, view_options
+from .outputs import STANDARD_OUTPUT, write_preview, write_svg_text
+from .shape import Shape
+
+if TYPE_CHECKING:
+    from ..batch.outcome import Drawn
+    from ..batch.plan import Job
+    from ..drawing.strokes import Drawing
+    from ..extract.camera import Camera
+    from ..film.pictures import Pictures
+    from ..mesh.surface import Surface
+    from ..motion.frames import Shot
+    from ..render.neural_strokes import NeuralStrokesStyle
+    from ..render.style import Style
+    from ..svg.format import SvgOptions
+
+FILMS = (".html", ".gif", ".apng", ".png", ".webp", ".mp4", ".webm")
+DEFAULT_RATE = 12.0  # frames a second
+BOIL_ON_TWOS = 0.5
+NOTHING = "none"  # as a background: transparent
+
+animation_options = OptionGroup(
+    click.option(
+        "--turntable",
+        type=click.IntRange(1, 3600),
+        metavar="N",
+        help="An animation of N frames once round the upright axis, OUT-000.svg ... With "
+        "--sequence, which has as many frames, the shape moves while it turns.",
+    ),
+    click.option(
+        "--path",
+        "cameras",
+        type=click.Path(),
+        metavar="CAMERAS.json",
+        help="An animation seen by a camera that moves: a JSON list of what camera.json files "
+        "hold, one for each frame.",
+    ),
+    click.option(
+        "--sequence",
+        is_flag=True,
+        default=None,
+        help="SHAPES are the frames of one mesh that deforms, with the same faces.",
+    ),
+    click.option(
+        "--still",
+        is_flag=True,
+        default=None,
+        help="Draw each frame of an animation on its own: strokes do not persist from one to the "
+        "next.",
+    ),
+    click.option(
+        "--fps",
+        type=click.FloatRange(0, 240, min_open=True),
+        help=f"Frames a second of a film.  [default: {DEFAULT_RATE:g}]",
+    ),
+    click.option(
+        "--on-twos",
+        is_flag=True,
+        default=None,
+        help="Draw every other frame and hold it for two, as films drawn by hand do.",
+    ),
+    click.option(
+        "--boil",
+        type=click.FloatRange(0, 1),
+        metavar="B",
+        help="How much of a hand's chance is new in every drawing: 0 none, 1 all of it."
+        f"  [default: 0; {BOIL_ON_TWOS:g} with --on-twos]",
+    ),
+)
+MOVES = {"turntable": "--turntable", "cameras": "--path", "sequence": "--sequence"}
+
+
+class Animation(NamedTuple):
+    """How an animation is drawn, and what is written of it.
+
+    Parameters
+    ----------
+    options : values of the shape's options and of `animation_options`, by their parameters' names
+    shapes : the files of a sequence, or the one shape
+    frames : whether its frames are written as SVG
+    films : the films that are written
+    look : fields of SvgOptions; a background NOTHING leaves films transparent
+    seed : as `Style.draw` takes it
+    preview : whether a PNG is written beside each frame
+    scale : pixels of it, and of films, per pixel of a frame
+    """
+
+    options: dict[str, Any]
+    frames: bool
+    films: tuple[Path, ...]
+    look: dict[str, Any]
+    seed: int
+    preview: bool
+    scale: float
+    sequence: tuple[str, ...] = ()
+
+    @property
+    def rate(self) -> Fraction:
+        """Frames a second."""
+        from ..film.timing import rate_of
+
+        return rate_of(self.options.get("fps") or DEFAULT_RATE)
+
+    @property
+    def exposure(self) -> int:
+        """For how many frames each drawing is held."""
+        return 2 if self.options.get("on_twos") else 1
+
+    @property
+    def boil(self) -> float:
+        """How much of the chance is new in every drawing."""
+        given = self.options.get("boil")
+        if given is None:
+            return BOIL_ON_TWOS if self.exposure > 1 else 0.0
+        return given
+
+
+# ------------------------------------------------------------------------------- what is asked for
+
+
+def is_animation(options: Mapping[str, Any], stages: str | None) -> bool:
+    """Whether the options ask for an animation; a usage error where they contradict each other.
+
+    `stages` : the folder for the steps of a drawing
+    """
+    if any(options.get(name) for name in MOVES):
+        _refuse_contradictions(options, stages)
+        return True
+    given = animation_options.given_flags({**options, "turntable": None, "cameras": None})
+    if given:
+        raise click.UsageError(
+            f"{', '.join(given)}: of an animation: give --turntable N, --path CAMERAS.json or "
+            "--sequence too"
+        )
+    return False
+
+
+def _refuse_contradictions(options: Mapping[str, Any], stages: str | None) -> None:
+    if stages and (options.get("cameras") or options.get("sequence")):
+        raise click.UsageError("--stages goes with --turntable alone, not with --path, --sequence")
+    if options.get("cameras"):
+        flags = view_options.given_flags(options)
+        flags += ["--turntable"] if options.get("turntable") else []
+        if flags:
+            raise click.UsageError(
+                f"--path already says where the eye stands: leave out {', '.join(flags)}"
+            )
+    if options.get("still") and options.get("boil") is not None:
+        raise click.UsageError(
+            "--boil is what is new from drawing to drawing, and --still draws each on its own: "
+            "leave out one of them"
+        )
+    if options.get("sequence") and options.get("section") and not options.get("still"):
+        raise click.UsageError(
+            "--section cuts each frame of a sequence into other faces, so that no line is known "
+            "again: give --still, or leave out --section"
+        )
+    if options.get("curves"):
+        moves = next(flag for name, flag in MOVES.items() if options.get(name))
+        raise click.UsageError(f"{moves} needs the mesh's own curves: leave out --curves")
+
+
+class Outputs(NamedTuple):
+    """What -o asks for: where frames go, or None, and the films."""
+
+    frames: str | None
+    films: tuple[Path, ...]
+
+
+def sorted_outputs(outputs: Sequence[str], animated: bool) -> Outputs:
+    """Tell frames from films among the outputs; a usage error where they do not go together."""
+    films = tuple(Path(o) for o in outputs if _is_film(o))
+    others = [o for o in outputs if not _is_film(o)]
+    if not animated:
+        if films:
+            raise click.UsageError(
+                f"{films[0]}: a film has several frames: give --turntable N, --path CAMERAS.json "
+                "or --sequence; a drawing is .svg or .svgz, and --png writes a PNG beside it"
+            )
+        if len(outputs) > 1:
+            raise click.UsageError(
+                f"one -o for drawings, not {len(outputs)}: only an animation goes to several"
+            )
+    if STANDARD_OUTPUT in others and animated:
+        raise click.UsageError("standard output takes one SVG: give -o FOLDER/, or -o OUT.gif ...")
+    if len(others) > 1:
+        raise click.UsageError(
+            f"frames go to one place, not to {' and '.join(others)}; films are {', '.join(FILMS)}"
+        )
+    twice = {film for film in films if films.count(film) > 1}
+    if twice:
+        raise click.UsageError(f"-o {twice.pop()} is given twice")
+    return Outputs(others[0] if others else None, films)
+
+
+def _is_film(output: str) -> bool:
+    return Path(output).suffix.lower() in FILMS and not Path(output).is_dir()
+
+
+def plan_animation(
+    shapes: Sequence[str],
+    output: str | None,
+    films: Sequence[Path],
+    mirror: bool,
+    options: Mapping[str, Any],
+) -> Plan:
+    """Which animations are drawn, and where to; what cannot be written is said before any work.
+
+    `output` : where frames go, or None; `mirror` as `plan_outputs` takes it
+
+    Raises click.UsageError, ValueError or OSError.
+    """
+    from ..batch.plan import Job, UnclearOutput, find_shapes, plan_outputs
+    from ..files import check_output
+
+    found = find_shapes(shapes)
+    name, sequence = found[0], tuple[str, ...]()
+    if options.get("sequence"):
+        sequence = in_order(shapes, found)
+        name = sequence[0]
+    elif films and len(found) > 1:
+        raise click.UsageError(
+            f"{films[0]}: a film is of one shape, not of {len(found)}; frames of one mesh "
+            "that deforms are a --sequence"
+        )
+    _check_films(films, options, [*found, *filter(None, [options.get("cameras")])])
+    if output is None:
+        return Plan([Job(name, str(films[0]))], sequence)
+    if sequence and mirror:
+        raise click.UsageError("--mirror is for drawings of several shapes, not for a --sequence")
+    try:
+        if not sequence:
+            return Plan(plan_outputs(shapes, output, mirror), sequence)
+        job = plan_outputs([str(Path(name).with_name(common_name(sequence)))], output)[0]
+    except UnclearOutput as error:
+        raise click.UsageError(str(error)) from None
+    check_output(job.output, found)
+    return Plan([Job(name, job.output)], sequence)
+
+
+class Plan(NamedTuple):
+    """What is drawn: a job for each animation, and the files of the frames of a sequence."""
+
+    jobs: list[Job]
+    sequence: tuple[str, ...]
+
+
+def _check_films(films: Sequence[Path], options: Mapping[str, Any], inputs: Sequence[str]) -> None:
+    """Say before any work what film cannot be written."""
+    from ..files import check_output
+    from ..film.films import check_film
+    from ..film.timing import rate_of
+
+    rate = rate_of(options.get("fps") or DEFAULT_RATE)
+    for film in films:
+        check_output(film, inputs)
+        check_film(film, rate / (2 if options.get("on_twos") else 1))
+
+
+def in_order(given: Sequence[str], found: Sequence[str]) -> tuple[str, ...]:
+    """Put the frames of a sequence in order: by the numbers in their names, 2 before 10.
+
+    Only where a folder or the shell has ordered them, letter by letter; another order is the
+    user's. Raises click.UsageError on what holds no mesh.
+    """
+    from ..batch.plan import VIEW_SUFFIXES
+
+    views = [file for file in found if Path(file).suffix.lower() in VIEW_SUFFIXES]
+    if views:
+        raise click.UsageError(f"{views[0]} is a saved view: the frames of a sequence are meshes")
+    natural = sorted(found, key=natural_key)
+    if list(found) == natural or len(set(found)) < len(found):
+        return tuple(found)
+    by_letter = list(found) in (sorted(found), sorted(found, key=str.lower))
+    return tuple(natural if by_letter else found)
+
+
+def natural_key(text: str) -> list[tuple[int, int, str]]:
+    """A key by which "frame2" stands before "frame10"."""
+    groups = itertools.groupby(text.lower(), lambda letter: letter in "0123456789")
+    parts = ("".join(letters) for _, letters in groups)
+    return [(0, int(p), p) if p.isdecimal() else (1, 0, p) for p in parts]
+
+
+def common_name(files: Sequence[str]) -> str:
+    """What the frames of a sequence are called together: "walk" of walk-000.obj, walk-001.obj."""
+    first = Path(files[0])
+    letters = first.stem.rstrip("0123456789").rstrip("-_. ")
+    return letters or first.resolve().parent.name or "frame"
+
+
+# -------------------------------------------------------------------------------- what is animated
+
+
+class Moving:
+    """A shape, or the frames of one, and the cameras that look at it."""
+
+    def __init__(self, path: str, animation: Animation):
+        self.animation, self.options = animation, animation.options
+        self.shape = Shape(path, {**self.options, "turntable": self.options.get("turntable")})
+
+    @functools.cached_property
+    def surfaces(self) -> list[Surface]:
+        """The shape, or its frames, less the parts that are hidden."""
+        from ..mesh.hide import hide_parts
+        from ..mesh.sequence import load_sequence
+
+        sequence = self.animation.sequence
+        if not sequence:
+            return [self.shape.shown]
+        with timed("read the meshes"), told_warnings():
+            surfaces = load_sequence(sequence)
+        hide = self.options.get("hide")
+        try:
+            return [hide_parts(s, hide) for s in surfaces] if hide else surfaces
+        except ValueError as error:
+            raise ValueError(f"{sequence[0]}: {error}") from None
+
+    def camera(self) -> Camera:
+        """The camera of the options, fitted to all frames together."""
+        import numpy as np
+
+        if not self.animation.sequence or self.options.get("camera"):
+            return self.shape.camera()
+        return self.shape.fitted(np.concatenate([s.vertices for s in self.surfaces]))
+
+    def shots(self) -> list[Shot]:
+        """What each frame shows."""
+        from ..extract.camera import up_axis
+        from ..motion.shots import load_cameras, path_shots, turntable_shots
+
+        surfaces: Any = self.surfaces if self.animation.sequence else self.surfaces[0]
+        count, path = self.options.get("turntable"), self.options.get("cameras")
+        if path:
+            cameras = load_cameras(path)
+            self._check_count(len(cameras), f"{path}: has {len(cameras)} cameras")
+            return path_shots(surfaces, cameras)
+        if count:
+            self._check_count(count, f"--turntable {count} has {count} frames")
+            up = None if self.options.get("camera") else up_axis(self.options.get("up") or "y")
+            return turntable_shots(surfaces, self.camera(), count, up)
+        return path_shots(surfaces, [self.camera()] * len(surfaces))
+
+    def _check_count(self, count: int, what: str) -> None:
+        frames = self.animation.sequence
+        if frames and len(frames) != count:
+            raise ValueError(
+                f"{what}, the sequence {len(frames)} ({frames[0]} ...): give as many of both"
+            )
+
+
+# --------------------------------------------------------------------------------- how it is drawn
+
+
+def draw_animation(animation: Animation, style: Style | NeuralStrokesStyle, job: Job) -> Drawn:
+    """Draw an animation frame by frame, and write its frames and films."""
+    from ..batch.outcome import Drawn
+
+    moving = Moving(job.shape, animation)
+    shots = moving.shots()
+    drawn = shots[:: animation.exposure]
+    written, strokes = Written(animation, job, len(shots)), 0
+    with written, frame_progress(len(drawn)) as shown:
+        for drawing in shown(drawings(animation, style, moving, drawn)):
+            written.add(drawing)
+            strokes += len(drawing.strokes)
+        written.finish()
+    told = f"{job.shape}: {len(shots)} frames, {strokes / len(drawn):.0f} strokes each"
+    return Drawn(f"{told} -> {written.told()}", written.files, strokes, strokes)
+
+
+def drawings(
+    animation: Animation, style: Style | NeuralStrokesStyle, moving: Moving, shots: list[Shot]
+) -> Iterator[Drawing]:
+    """Draw what shots show, one by one."""
+    from ..motion.shots import views_of_shots
+
+    optional = style.choice is not None and style.choice.optional is not None
+    views = views_of_shots(
+        shots,
+        moving.shape.line_options(),
+        moving.shape.spacing(),
+        optional and moving.shape.has_optional_lines,
+    )
+    for view in views:
+        yield style.draw(style.choose(view), seed=animation.seed, choice="all")
+
+
+class Written:
+    """The frames and films of an animation as they are written; used as a context."""
+
+    def __init__(self, animation: Animation, job: Job, count: int):
+        self.animation, self.job, self.count = animation, job, count
+        self.files: list[str] = []
+        self.texture: str | None = None
+        self.frame = 0
+
+    def __enter__(self) -> Written:
+        from ..film.pictures import Pictures
+
+        self.resources = contextlib.ExitStack()
+        self.pictures: Pictures | None = None
+        if self.animation.films:
+            self.pictures = self.resources.enter_context(Pictures())
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.resources.close()
+
+    def add(self, drawing: Drawing) -> None:
+        """Write a drawing as all the frames that it is held for, and keep its picture."""
+        from ..batch.plan import numbered_output
+        from ..svg.write import png_from_svg, write_svg
+
+        with timed("write the SVG"):
+            text = write_svg(drawing, self.look_of(drawing))
+        held = min(self.animation.exposure, self.count - self.frame)
+        for frame in range(self.frame, self.frame + held):
+            if self.animation.frames:
+                output = numbered_output(self.job.output, frame, self.count)
+                write_svg_text(output, text)
+                self.files.append(output)
+                if self.animation.preview:
+                    self.files.append(write_preview(output, text, self.animation.scale))
+        self.frame += held
+        if self.pictures is not None:
+            with timed("picture"):
+                background = None if self.transparent else "#ffffff"
+                self.pictures.add(png_from_svg(text, self.animation.scale, background), held)
+
+    @property
+    def transparent(self) -> bool:
+        """Whether the films have no background."""
+        return self.animation.look.get("background") == NOTHING
+
+    def look_of(self, drawing: Drawing) -> SvgOptions:
+        """How a drawing is written: all with the texture of the first that has one."""
+        from ..svg.format import SvgOptions
+        from ..svg.write import resolve_texture
+
+        look = dict(self.animation.look)
+        if self.transparent:
+            del look["background"]
+        made_by = {
+            "title": Path(self.job.shape).stem,
+            "description": f"Drawn by strokestyle {__version__}",
+        }
+        options = SvgOptions(**{**made_by, **look})
+        if self.texture is None:
+            options = resolve_texture(drawing, options)
+            if drawing.texture is not None:
+                self.texture = options.texture
+            return options
+        from dataclasses import replace
+
+        return replace(options, texture=self.texture)
+
+    def finish(self) -> None:
+        """Write the films."""
+        from ..film.films import write_film
+
+        for film in self.animation.films:
+            assert self.pictures is not None
+            with timed(f"write {film}"):
+                write_film(film, self.pictures, self.animation.rate, self.transparent)
+            self.files.append(str(film))
+
+    def told(self) -> str:
+        """What to say of the files."""
+        films = list(map(str, self.animation.films))
+        frames = self.files[: len(self.files) - len(films)]
+        few = ", ".join(frames) if len(frames) < 4 else f"{frames[0]} ... {frames[-1]}"
+        return ", ".join(filter(None, [few, *films]))
+
+
+@contextlib.contextmanager
+def frame_progress(count: int) -> Iterator[Any]:
+    """Show how many frames are drawn."""
+
+    def shown(items: Iterable[Any]) -> Iterator[Any]:
+        yield from items
+
+    yield shown

@@ -1,0 +1,66 @@
+"""Films by the suffix of their files."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+from ..files import replace_file
+from . import gif
+from .apng import write_apng
+from .gif import write_gif
+from .pictures import Pictures
+from .video import CODECS, check_encoder, write_video
+from .webp import write_webp
+
+WRITERS = {".gif": write_gif, ".apng": write_apng, ".png": write_apng, ".webp": write_webp}
+FILM_SUFFIXES = (*WRITERS, *CODECS)  # of films of pixels
+
+
+def check_film(path: str | Path, rate: Fraction) -> None:
+    """Raise ValueError, naming `path`, where such a film cannot be written: before long work."""
+    suffix = Path(path).suffix.lower()
+    try:
+        if suffix in CODECS:
+            check_encoder(suffix)
+        elif suffix == ".gif":
+            gif.check_rate(rate)
+        elif suffix not in WRITERS:
+            raise ValueError(f"a film is {', '.join(FILM_SUFFIXES)}")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def write_film(
+    path: str | Path,
+    pictures: Pictures,
+    rate: Fraction,
+    transparent: bool = False,
+) -> None:
+    """Write pictures as the film that the suffix of `path` says, whole or not at all.
+
+    Parameters
+    ----------
+    rate : frames a second
+    transparent : keep the pictures' transparency, where the format can: video cannot
+
+    Raises
+    ------
+    ValueError
+        naming `path`, where the film cannot be written
+    OSError
+        where the file cannot.
+    """
+    check_film(path, rate)
+    suffix = Path(path).suffix.lower()
+
+    def write(name: str) -> None:
+        if suffix in CODECS:
+            write_video(name, pictures, rate, suffix)
+        else:
+            WRITERS[suffix](name, pictures, rate, transparent)
+
+    try:
+        replace_file(path, write)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

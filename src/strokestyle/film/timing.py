@@ -1,0 +1,39 @@
+"""When the pictures of a film change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+MAX_RATE = 240.0  # frames a second: more than any screen shows
+LARGEST_DENOMINATOR = 60060  # of a rate as a fraction; 24000/1001 and its like are exact
+
+
+def rate_of(fps: float) -> Fraction:
+    """Read frames a second as a fraction: 12, 12.5, or 23.976, which is 24000/1001.
+
+    Raises ValueError where it does not lie above 0 and up to MAX_RATE.
+    """
+    if not 0.0 < fps <= MAX_RATE:
+        raise ValueError(f"a film has up to {MAX_RATE:g} frames a second, got {fps:g}")
+    for whole in (24, 30, 48, 60, 120):
+        ntsc = Fraction(1000 * whole, 1001)
+        if abs(fps - ntsc) < 5e-4:
+            return ntsc
+    return Fraction(fps).limit_denominator(LARGEST_DENOMINATOR // 60)
+
+
+def durations(held: Sequence[int], rate: Fraction, unit: int) -> list[int]:
+    """Find how long each picture is shown, in 1 / `unit` seconds, so that no rounding adds up.
+
+    Parameters
+    ----------
+    held : for how many frames each picture is shown
+    rate : frames a second
+    unit : of a second, 100 for GIF
+    """
+    ends, frames = [0], 0
+    for count in held:
+        frames += count
+        ends.append(int(frames * unit / rate + Fraction(1, 2)))
+    return [end - start for start, end in zip(ends, ends[1:], strict=False)]
