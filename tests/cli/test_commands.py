@@ -56,6 +56,7 @@ def test_help_imports_nothing_heavy():
 
 
 def test_what_help_says_is_what_the_library_does():
+    from strokestyle.cli.animation import DEFAULT_RATE
     from strokestyle.extract.camera import DEFAULT_FOV, DEFAULT_SIZE, NAMED_VIEWS, PROJECTIONS
     from strokestyle.extract.line_options import LineOptions
     from strokestyle.fit.train import PRESETS
@@ -69,6 +70,7 @@ def test_what_help_says_is_what_the_library_does():
         "fov": DEFAULT_FOV,
         "size": DEFAULT_SIZE,
         "spacing": DEFAULT_SPACING,
+        "fps": DEFAULT_RATE,
     }
     told = {}
     for option in (*commands["extract"].params, *commands["render"].params):
