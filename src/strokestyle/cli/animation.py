@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from .. import __version__
-from .messages import timed, told_warnings
+from .messages import say, timed, told_warnings
 from .options import OptionGroup, view_options
 from .outputs import STANDARD_OUTPUT, write_preview, write_svg_text
+from .progress import FrameDisplay
 from .shape import Shape
 
 if TYPE_CHECKING:
@@ -91,16 +92,18 @@ class Animation(NamedTuple):
 
     Parameters
     ----------
+    model : file of the style
     options : values of the shape's options and of `animation_options`, by their parameters' names
-    shapes : the files of a sequence, or the one shape
     frames : whether its frames are written as SVG
     films : the films that are written
     look : fields of SvgOptions; a background NOTHING leaves films transparent
     seed : as `Style.draw` takes it
     preview : whether a PNG is written beside each frame
     scale : pixels of it, and of films, per pixel of a frame
+    sequence : the files of the frames of a mesh that deforms; none where it keeps still
     """
 
+    model: str
     options: dict[str, Any]
     frames: bool
     films: tuple[Path, ...]
@@ -374,32 +377,79 @@ def draw_animation(animation: Animation, style: Style | NeuralStrokesStyle, job:
 
     moving = Moving(job.shape, animation)
     shots = moving.shots()
-    drawn = shots[:: animation.exposure]
     written, strokes = Written(animation, job, len(shots)), 0
-    with written, frame_progress(len(drawn)) as shown:
-        for drawing in shown(drawings(animation, style, moving, drawn)):
+    with FrameDisplay() as display, written:
+        drawn = shots[:: animation.exposure]
+        for drawing in drawings(animation, style, moving, drawn, display):
             written.add(drawing)
             strokes += len(drawing.strokes)
         written.finish()
-    told = f"{job.shape}: {len(shots)} frames, {strokes / len(drawn):.0f} strokes each"
-    return Drawn(f"{told} -> {written.told()}", written.files, strokes, strokes)
+    frames = f"{len(shots)} frame{'s' * (len(shots) > 1)}"
+    each = f"{strokes / len(drawn):.0f} strokes each"
+    told = f"{job.shape}: {frames}, {each} -> {written.told()}"
+    return Drawn(told, written.files, strokes, strokes)
 
 
 def drawings(
+    animation: Animation,
+    style: Style | NeuralStrokesStyle,
+    moving: Moving,
+    shots: list[Shot],
+    display: FrameDisplay,
+) -> Iterator[Drawing]:
+    """Draw what shots show, one by one: coherent, unless each is to be drawn on its own."""
+    from ..motion.draw import draw_frames
+    from ..motion.track import track_frames
+    from ..render.style import Style
+
+    options, shape = animation.options, moving.shape
+    if isinstance(style, Style) and not options.get("still"):
+        optional = style.choice is not None and style.choice.optional is not None
+        with timed("strokes from frame to frame"), told_warnings():
+            frames = track_frames(
+                display.stage("lines", shots, len(shots)),
+                style,
+                shape.line_options(),
+                shape.spacing(),
+                optional and shape.has_optional_lines,
+                loop=bool(options.get("turntable")) and not animation.sequence,
+            )
+        drawn = draw_frames(style, frames, animation.seed, animation.boil)
+        yield from display.stage("drawing", drawn, len(shots))
+        return
+    if not options.get("still"):
+        say(
+            f"{shape.path}: the networks of {animation.model} draw each frame on its own, as with "
+            "--still: strokes do not persist"
+        )
+    yield from display.stage("drawing", stills(animation, style, moving, shots), len(shots))
+
+
+def stills(
     animation: Animation, style: Style | NeuralStrokesStyle, moving: Moving, shots: list[Shot]
 ) -> Iterator[Drawing]:
-    """Draw what shots show, one by one."""
+    """Draw what shots show, each on its own."""
     from ..motion.shots import views_of_shots
+    from ..render.choice import unknown_kinds
 
-    optional = style.choice is not None and style.choice.optional is not None
-    views = views_of_shots(
-        shots,
-        moving.shape.line_options(),
-        moving.shape.spacing(),
-        optional and moving.shape.has_optional_lines,
-    )
+    shape, choice = moving.shape, style.choice
+    optional = choice is not None and choice.optional is not None and shape.has_optional_lines
+    views = views_of_shots(shots, shape.line_options(), shape.spacing(), optional)
+    left_out: set[str] = set()
     for view in views:
-        yield style.draw(style.choose(view), seed=animation.seed, choice="all")
+        lines = style.choose(view)
+        left_out.update(unknown_kinds(view, lines, choice))
+        yield style.draw(lines, seed=animation.seed, choice="all")
+    warn_of_kinds(shape.path, left_out)
+
+
+def warn_of_kinds(shape: str, left_out: Iterable[str]) -> None:
+    """Say which kinds of line a shape was drawn without, because the exemplar had none."""
+    if left_out:
+        say(
+            f"warning: {shape}: drawn without lines of kind {', '.join(sorted(left_out))}, "
+            "which the exemplar did not have; --choice all draws them"
+        )
 
 
 class Written:
@@ -487,13 +537,3 @@ class Written:
         frames = self.files[: len(self.files) - len(films)]
         few = ", ".join(frames) if len(frames) < 4 else f"{frames[0]} ... {frames[-1]}"
         return ", ".join(filter(None, [few, *films]))
-
-
-@contextlib.contextmanager
-def frame_progress(count: int) -> Iterator[Any]:
-    """Show how many frames are drawn."""
-
-    def shown(items: Iterable[Any]) -> Iterator[Any]:
-        yield from items
-
-    yield shown

@@ -49,6 +49,11 @@ def listening(aloud: bool = True) -> Iterator[list[tuple[int, str]]]:
             _heard += heard
 
 
+def is_aloud() -> bool:
+    """Whether what is said now reaches the person at once."""
+    return _aloud
+
+
 class timed:
     """`with timed("lines"):` says with -v how long that took."""
 

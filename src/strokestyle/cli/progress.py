@@ -1,19 +1,22 @@
-"""How far a fit or a batch is, on stderr: a bar on a terminal, lines elsewhere."""
+"""How far a fit, a batch or an animation is, on stderr: a bar on a terminal, lines elsewhere."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, TypeVar
 
-from .messages import say, verbosity
+from .messages import is_aloud, say, verbosity
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bars
     from rich.progress import TaskID
 
     from ..fit.progress import Progress
+
+
+Item = TypeVar("Item")
 
 
 class ProgressDisplay:
@@ -90,6 +93,34 @@ class BatchDisplay:
             seconds = (time.monotonic() - self.start) * self.ahead / max(self.behind, 1e-9)
             failed = f"{self.failed} failed" if self.failed else ""
             self.bars.update(self.task, completed=self.done, failed=failed, left=_left(seconds))
+
+
+class FrameDisplay:
+    """Shows on a terminal how far an animation is while it stands in a `with`; nothing with -q."""
+
+    def __init__(self) -> None:
+        self.bars: Bars | None = None
+
+    def __enter__(self) -> FrameDisplay:
+        if is_aloud() and verbosity() >= 0 and sys.stderr.isatty():
+            self.bars = _bars("note", "left")
+            self.bars.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self.bars:
+            self.bars.stop()
+
+    def stage(self, name: str, items: Iterable[Item], total: int) -> Iterator[Item]:
+        """Pass on the items of a stage, and count them."""
+        if not self.bars:
+            yield from items
+            return
+        task, start = self.bars.add_task(name, total=total, note="", left=""), time.monotonic()
+        for done, item in enumerate(items, 1):
+            yield item
+            left = _left((time.monotonic() - start) * (total - done) / done)
+            self.bars.update(task, completed=done, left=left)
 
 
 def _left(seconds: float) -> str:

@@ -21,6 +21,7 @@ from .animation import (
     is_animation,
     plan_animation,
     sorted_outputs,
+    warn_of_kinds,
 )
 from .batch import Recipe, draw_batch, how_to_run, read_list
 from .messages import count_curves, say, timed
@@ -183,7 +184,7 @@ def render(
     if animated and not stages:
         batch, sequence = plan_animation(listed, output, films, mirror, options)
         written = output is not None, films
-        animation = Animation(options, *written, look, seed, png, png_scale, sequence)
+        animation = Animation(model, options, *written, look, seed, png, png_scale, sequence)
     else:
         batch = plan(listed, target, mirror)
     settings = RenderSettings(
@@ -271,11 +272,7 @@ def draw_shape(settings: RenderSettings, job: Job) -> Drawn:
         for written in write_side(settings, job, side, lines, drawing):
             told.append(written.told)
             files += written.files
-    if left_out:
-        say(
-            f"warning: {job.shape}: drawn without lines of kind {', '.join(sorted(left_out))}, "
-            "which the exemplar did not have; --choice all draws them"
-        )
+    warn_of_kinds(job.shape, left_out)
     if kept:
         say(
             f"warning: {job.shape}: hardly one of its lines is one that the artist would "
