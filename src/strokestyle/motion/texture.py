@@ -21,6 +21,7 @@ from ..drawing.strokes import Strokes, Texture
 from ..geometry.curves import owner
 from ..render.quilt import FEATHER, choose_runs, lay_rows, stretched, texels, with_ink
 from ..render.texture_bank import ROWS, Rows, TextureBank, bank_columns
+from ..svg.ink import inks
 from .chance import Luck, Stage, spline_weights
 from .lay import Laid
 from .survey import (
@@ -67,13 +68,14 @@ class _Sheet:
     Parameters
     ----------
     tracks : which rows are whose
-    rgba : (R, A, 4) float32 in [0, 1], premultiplied, in the direction of the tracks
+    layer : (R, A, K) uint8, premultiplied colours, or opacity alone where K is 1; in the direction
+        of the tracks
     wanted : (R, 5), ink that was predicted, and width
     ink : (R, 4), the ink that rows have
     """
 
     tracks: dict[Name, _TrackStrips]
-    rgba: np.ndarray
+    layer: np.ndarray
     wanted: np.ndarray
     ink: np.ndarray
 
@@ -123,21 +125,18 @@ class TrackTextures:
         none = np.zeros(0)
         rows = Rows(none, np.array(widest), none, none, none, none, none)
         self.columns = bank_columns(rows, bank.margin)
+        self.opacity = _is_of_one_ink(bank)
         self.sheet = self._laid(self.surveys, luck.of_track(Stage.TEXTURE, 0))
 
     def strips(self, laid: Laid, points: Points, number: int) -> Texture:
         """The texture of the strokes of frame `number`."""
         margin, names = self.bank.margin, names_of(laid)
-        seen = [_seen(laid.strokes, i, points.of(i), margin) for i in range(len(names))]
         own = self._of_drawing(names, points, number)
-        strips = [
-            texels(
-                self._strip(
-                    self.sheet if own is None or name not in own.tracks else own, name, rows
-                )
-            )
-            for name, rows in zip(names, seen, strict=True)
-        ]
+        strips = []
+        for i, name in enumerate(names):
+            sheet = self.sheet if own is None or name not in own.tracks else own
+            seen = _seen(laid.strokes, i, points.of(i), margin)
+            strips.append(self._strip(sheet, name, seen))
         offsets = np.cumsum([0] + [len(strip) for strip in strips])
         return Texture(np.concatenate(strips), offsets, np.full(len(names), margin))
 
@@ -171,11 +170,11 @@ class TrackTextures:
         rows = Rows(offsets, pulled[:, WIDTH], pulled[:, WIDTH], ends, wanted[:, :0], none, none)
         runs = choose_runs(self.bank, rows, pulled[:, INK], rng)
         laid = lay_rows(
-            self.bank, rows, runs, pulled[:, INK], self.columns, np.arange(len(made)) // 3
-        )
-        rgba = laid.rgba[back].astype(np.float32) / 255.0
-        rgba[..., :3] *= rgba[..., 3:]
-        rgba[swap] = rgba[swap][:, ::-1]
+            self.bank, rows, runs, pulled[:, INK], self.columns, np.arange(len(made)) // 3,
+            self.opacity,
+        )  # fmt: skip
+        layer = np.rint(np.clip(laid.layer, 0, 1) * 255).astype(np.uint8)[back]
+        layer[swap] = layer[swap][:, ::-1]
         strips = [
             _Strip(slice(a, b), one.low)
             for a, b, one in zip(offsets[:-1].tolist(), offsets[1:].tolist(), made, strict=True)
@@ -186,15 +185,15 @@ class TrackTextures:
                 zip(surveys, _seams(len(surveys), self.columns, rng), strict=True)
             )
         }
-        return _Sheet(tracks, rgba, wanted, laid.ink[back])
+        return _Sheet(tracks, layer, wanted, laid.ink[back])
 
     # --------------------------------------------------------------------------------- one stroke
 
     def _strip(self, sheet: _Sheet, name: Name, seen: _Seen) -> np.ndarray:
-        """The rows (n, A, 4) of a stroke, premultiplied."""
+        """The rows (n, A, 4) uint8 of a stroke, straight."""
         track = sheet.tracks[name]
         body = track.body
-        out = self._rows(sheet, body.rows, (seen.place - body.low) * ROWS - 0.5, seen)
+        out, ink = self._rows(sheet, body.rows, (seen.place - body.low) * ROWS - 0.5, seen)
         reach = min(TIP, TIP_SHARE * (seen.ends[0, 0] + seen.ends[0, 1]))
         for k, tip in enumerate(track.tips):
             near = np.flatnonzero(seen.ends[:, k] < reach + 2.0)
@@ -205,27 +204,49 @@ class TrackTextures:
             inward = np.where(distance < 0, distance * (-tip.low / part.half[k]), distance)
             at = (inward - tip.low) * ROWS - 0.5
             count = tip.rows.stop - tip.rows.start
-            over = self._rows(sheet, tip.rows, count - 1 - at if k else at, part)
+            over, _ = self._rows(sheet, tip.rows, count - 1 - at if k else at, part)
             away = ((reach - distance)[:, None] - track.seam[k]) * ROWS
             weight = np.clip(away / FEATHER + 0.5, 0.0, 1.0)[..., None].astype(np.float32)
             out[near] = out[near] * (1 - weight) + over * weight
-        return out
+        return _with_color(out, ink) if self.opacity else texels(out)
 
-    def _rows(self, sheet: _Sheet, rows: slice, at: np.ndarray, seen: _Seen) -> np.ndarray:
-        """Rows `at` (n,) float of some of a sheet's, with the width and ink wanted in a frame."""
+    def _rows(
+        self, sheet: _Sheet, rows: slice, at: np.ndarray, seen: _Seen
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Rows `at` (n,) float of some of a sheet's, with the width and ink wanted in a frame.
+
+        Returns them, (n, A, K) premultiplied, and their ink, (n, 4).
+        """
         at = np.clip(at, 0.0, rows.stop - rows.start - 1.0)
         row = at.astype(np.int64)
-        weights = spline_weights(at - row).astype(np.float32)[..., None, None]
-        some = sheet.rgba[rows]
+        low, high = max(row[[0, -1]].min() - 1, 0), row[[0, -1]].max() + 3
+        some = sheet.layer[rows][low:high].astype(np.float32)
+        weights = (spline_weights(at - row) / 255.0).astype(np.float32)[..., None, None]
         last = len(some) - 1
-        rgba = sum(weights[:, k] * some[np.clip(row + k - 1, 0, last)] for k in range(4))
+        layer = weights[:, 0] * some[np.clip(row - 1 - low, 0, last)]
+        for k in range(1, 4):
+            layer += weights[:, k] * some[np.clip(row + k - 1 - low, 0, last)]
         here = np.rint(at).astype(np.int64)
         had, ink = sheet.wanted[rows][here], sheet.ink[rows][here]
-        laid = stretched(
-            np.clip(rgba, 0.0, 1.0), had[:, WIDTH], seen.wanted[:, WIDTH], self.bank.margin,
+        wanted = ink + seen.wanted[:, INK] - had[:, INK]
+        layer = stretched(
+            layer, had[:, WIDTH], seen.wanted[:, WIDTH].astype(np.float32), self.bank.margin,
             self.columns,
         )  # fmt: skip
-        return with_ink(laid, ink, ink + seen.wanted[:, INK] - had[:, INK])
+        return with_ink(np.clip(layer, 0.0, 1.0, out=layer), ink, wanted), wanted
+
+
+def _is_of_one_ink(bank: TextureBank) -> bool:
+    """Whether the opacity of a medium is all that its texture tells: each row has one colour."""
+    return bool(inks(Texture(bank.rgba, bank.offsets, bank.margin)).plain.all())
+
+
+def _with_color(opacity: np.ndarray, ink: np.ndarray) -> np.ndarray:
+    """Opacity (n, A, 1) in [0, 1] in the colours of ink (n, 4), as straight texels uint8."""
+    out = np.empty((*opacity.shape[:2], 4), np.uint8)
+    out[..., :3] = np.rint(np.clip(ink[:, None, 1:], 0, 1) * 255)
+    out[..., 3] = np.rint(opacity[..., 0] * 255)
+    return out
 
 
 def _reversed_rows(offsets: np.ndarray, against: np.ndarray) -> np.ndarray:

@@ -367,18 +367,19 @@ class LaidRows:
 
     Parameters
     ----------
-    rgba : (R, A, 4) uint8, straight
+    layer : (R, A, 4) float32 in [0, 1], premultiplied; or (R, A, 1), their opacity alone
     ink : (R, 4), the local ink that they have
     """
 
-    rgba: np.ndarray
+    layer: np.ndarray
     ink: np.ndarray
 
 
 def lay_runs(bank: TextureBank, rows: Rows, runs: Runs, predicted: np.ndarray) -> np.ndarray:
     """Copy the chosen runs into strips (R, A, 4) uint8 for new strokes, and hide their joints."""
     columns = bank_columns(rows, bank.margin)
-    return lay_rows(bank, rows, runs, predicted, columns, np.arange(len(rows.closed))).rgba
+    every = np.arange(len(rows.closed))
+    return texels(lay_rows(bank, rows, runs, predicted, columns, every).layer)
 
 
 def lay_rows(
@@ -388,6 +389,7 @@ def lay_rows(
     predicted: np.ndarray,
     columns: int,
     whole: np.ndarray,
+    opacity: bool = False,
 ) -> LaidRows:
     """Copy the chosen runs into strips as `lay_runs` does, and tell their ink.
 
@@ -395,6 +397,7 @@ def lay_rows(
     ----------
     columns : texels across
     whole : (C,) int, which stroke each strip is of: strips may be pieces of one
+    opacity : lay nothing else, for media of one ink
     """
     stroke = owner(rows.offsets)
     every = np.arange(len(stroke))
@@ -407,7 +410,7 @@ def lay_rows(
     wanted = predicted + beside
 
     def copy(source: np.ndarray, row: np.ndarray) -> np.ndarray:
-        laid = resampled(bank, source, rows.width[row], columns)
+        laid = resampled(bank, source, rows.width[row], columns, opacity)
         return with_ink(laid, bank.local_ink[source], wanted[row])
 
     starts = range(0, len(every), CHUNK)
@@ -415,7 +418,7 @@ def lay_rows(
     for joints in _joints(rows, runs):
         _join(layer, copy, rows, runs, joints)
     layer *= caps(rows, bank.ends[copied], bank.margin, columns)
-    return LaidRows(texels(layer), wanted)
+    return LaidRows(layer, wanted)
 
 
 def texels(layer: np.ndarray) -> np.ndarray:
@@ -554,8 +557,13 @@ def caps(rows: Rows, source_ends: np.ndarray, margin: float, columns: int) -> np
 
 
 def with_ink(patch: np.ndarray, ink: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Premultiplied rows (n, A, 4), their local ink moved from `ink` (n, 4) to `wanted` (n, 4)."""
+    """Move the local ink of premultiplied rows (n, A, 4) from `ink` (n, 4) to `wanted` (n, 4).
+
+    Of rows (n, A, 1) there is but the opacity to be moved.
+    """
     gain = np.clip((wanted[:, 0] + 0.1) / (ink[:, 0] + 0.1), 0.5, 2.0)
+    if patch.shape[2] == 1:
+        return np.minimum(patch * gain.astype(np.float32)[:, None, None], 1.0)
     alpha = np.minimum(patch[..., 3] * gain[:, None], 1.0)
     change = (wanted[:, 1:] - ink[:, 1:])[:, None]
     color = patch[..., :3] / np.maximum(patch[..., 3:], 1e-4) + change
@@ -564,8 +572,16 @@ def with_ink(patch: np.ndarray, ink: np.ndarray, wanted: np.ndarray) -> np.ndarr
     ).astype(np.float32)
 
 
-def resampled(bank: TextureBank, source: np.ndarray, width: np.ndarray, columns: int) -> np.ndarray:
+def resampled(
+    bank: TextureBank,
+    source: np.ndarray,
+    width: np.ndarray,
+    columns: int,
+    opacity: bool = False,
+) -> np.ndarray:
     """Stretch rows of the bank from their own width to another: (n, columns, 4) float32.
+
+    Or (n, columns, 1), their `opacity` alone.
 
     The core is stretched; beyond the edge distances stay what they are, so that a soft edge keeps
     its softness. Colours are premultiplied.
@@ -575,28 +591,34 @@ def resampled(bank: TextureBank, source: np.ndarray, width: np.ndarray, columns:
     source : (n,), rows of the bank
     width : (n,) px, without margins
     """
-    strip = bank.rgba[source].astype(np.float32) / 255.0
-    strip[..., :3] *= strip[..., 3:]
+    if opacity:
+        strip = bank.rgba[..., 3:][source].astype(np.float32) / 255.0
+    else:
+        strip = bank.rgba[source].astype(np.float32) / 255.0
+        strip[..., :3] *= strip[..., 3:]
     return stretched(strip, bank.width[source], width, bank.margin, columns)
 
 
 def stretched(
     strip: np.ndarray, own: np.ndarray, width: np.ndarray, margin: float, columns: int
 ) -> np.ndarray:
-    """Stretch rows (n, A, 4), premultiplied, from their `own` width (n,) px to another (n,).
+    """Stretch rows (n, A, K), premultiplied, from their `own` width (n,) px to another (n,).
+
+    It computes in the precision of `width`.
 
     Parameters
     ----------
     margin : px beyond half the width that rows reach before and after
     """
-    texels = strip.shape[1]
-    v = across(columns)[None]
-    half, own = 0.5 * width[:, None], 0.5 * own[:, None].astype(np.float64)
+    texels, margin, kind = strip.shape[1], float(margin), width.dtype
+    v = across(columns)[None].astype(kind)
+    half, own = 0.5 * width[:, None], 0.5 * own[:, None].astype(kind)
     distance = np.abs(v) * (half + margin)
     core = distance * (own / np.maximum(half, 1e-6))
     place = np.sign(v) * np.where(distance < half, core, own + distance - half)
     column = np.clip((place / (own + margin) + 1.0) * 0.5 * texels - 0.5, 0, texels - 1)
     left = np.minimum(column.astype(np.int64), texels - 2)
     mix = (column - left)[..., None].astype(np.float32)
-    row = np.arange(len(strip))[:, None]
-    return strip[row, left] * (1 - mix) + strip[row, left + 1] * mix
+    at = left + np.arange(len(strip))[:, None] * texels
+    flat = strip.reshape(-1, strip.shape[2])
+    return flat.take(at, axis=0) * (1 - mix) + flat.take(at + 1, axis=0) * mix
