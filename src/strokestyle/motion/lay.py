@@ -134,7 +134,7 @@ def lay_frame(
     if not len(planned):
         none = np.zeros(0)
         return Laid(Strokes.empty(), none, none, features, name, None)
-    moved = displacement.Frame.of(planned, points.surface, style.config.spacing)
+    moved = displacement.Frame.of(planned, points.surface, style.config.spacing, style.displacement)
     xy = displacement.displaced(moved, style.displacement) + off
     log_width = style.log_width(features)
     if style.residuals is not None:

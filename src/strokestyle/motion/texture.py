@@ -19,7 +19,7 @@ import numpy as np
 from ..drawing.ribbon import ribbon
 from ..drawing.strokes import Strokes, Texture
 from ..geometry.curves import owner
-from ..render.quilt import FEATHER, choose_runs, lay_rows, stretched, texels, with_ink
+from ..render.quilt import FEATHER, STEP, choose_runs, lay_rows, stretched, texels, with_ink
 from ..render.texture_bank import ROWS, Rows, TextureBank, bank_columns
 from ..svg.ink import inks
 from .chance import Luck, Stage, spline_weights
@@ -37,6 +37,8 @@ from .survey import (
     survey_tracks,
 )
 
+OFFERED = 2 * ROWS  # each so-manieth row of the bank may begin a run
+MOVED_ON = 37  # sources by which the chance of a node differs from that of the one before
 TIP_SHARE = 0.4  # of a stroke's length: on a short one tips are no longer than this
 
 
@@ -126,7 +128,7 @@ class TrackTextures:
         rows = Rows(none, np.array(widest), none, none, none, none, none)
         self.columns = bank_columns(rows, bank.margin)
         self.opacity = _is_of_one_ink(bank)
-        self.sheet = self._laid(self.surveys, luck.of_track(Stage.TEXTURE, 0))
+        self.sheet = self._laid(self.surveys, {name: self._luck_of(name) for name in self.surveys})
 
     def strips(self, laid: Laid, points: Points, number: int) -> Texture:
         """The texture of the strokes of frame `number`."""
@@ -142,6 +144,9 @@ class TrackTextures:
 
     # ---------------------------------------------------------------------------------- laying
 
+    def _luck_of(self, name: Name) -> np.random.Generator:
+        return self.luck.of_track(Stage.TEXTURE, *name)
+
     def _of_drawing(self, names: list[Name], points: Points, number: int) -> _Sheet | None:
         """Texture that is chosen anew for this drawing, for a share of its strokes."""
         chance = [self.luck.of_drawing(Stage.TEXTURE, number, *name).random() for name in names]
@@ -152,9 +157,12 @@ class TrackTextures:
             anew[names[i]] = TrackSurvey(body, survey.first, survey.last)
         if not anew:
             return None
-        return self._laid(anew, self.luck.of_drawing(Stage.TEXTURE, number, 0))
+        chances = {name: self.luck.of_drawing(Stage.TEXTURE, number, *name, 1) for name in anew}
+        return self._laid(anew, chances)
 
-    def _laid(self, surveys: dict[Name, TrackSurvey], rng: np.random.Generator) -> _Sheet:
+    def _laid(
+        self, surveys: dict[Name, TrackSurvey], chances: dict[Name, np.random.Generator]
+    ) -> _Sheet:
         """Choose texture for tracks, and lay it."""
         made: list[Survey] = []
         for track in surveys.values():
@@ -168,7 +176,9 @@ class TrackTextures:
         ends = np.where(swap[:, None], ends[:, ::-1], ends)[back]
         pulled, none = wanted[back], np.zeros(len(made), bool)
         rows = Rows(offsets, pulled[:, WIDTH], pulled[:, WIDTH], ends, wanted[:, :0], none, none)
-        runs = choose_runs(self.bank, rows, pulled[:, INK], rng)
+        nodes = -(-np.diff(offsets) // STEP).reshape(-1, 3).sum(axis=1)
+        chance = _ChanceOfTracks(list(chances.values()), nodes)
+        runs = choose_runs(self.bank, rows, pulled[:, INK], chance, every=OFFERED)
         laid = lay_rows(
             self.bank, rows, runs, pulled[:, INK], self.columns, np.arange(len(made)) // 3,
             self.opacity,
@@ -182,7 +192,7 @@ class TrackTextures:
         tracks = {
             name: _TrackStrips(strips[3 * i], (strips[3 * i + 1], strips[3 * i + 2]), seam)
             for i, (name, seam) in enumerate(
-                zip(surveys, _seams(len(surveys), self.columns, rng), strict=True)
+                (name, _seams(self.columns, chances[name])) for name in surveys
             )
         }
         return _Sheet(tracks, layer, wanted, laid.ink[back])
@@ -236,9 +246,45 @@ class TrackTextures:
         return with_ink(np.clip(layer, 0.0, 1.0, out=layer), ink, wanted), wanted
 
 
+class _ChanceOfTracks:
+    """Chance for `choose_runs`, each track's its own, whatever other tracks there are.
+
+    Each node of a track has the numbers of the one before moved on by some sources: so a track
+    draws hardly more of them than there are sources.
+
+    Parameters
+    ----------
+    chances : one a track
+    nodes : how many each track has, in this order
+    """
+
+    def __init__(self, chances: list[np.random.Generator], nodes: np.ndarray):
+        self.chances, self.first = chances, np.r_[0, np.cumsum(nodes)]
+        self.drawn = 0
+        self.tables: dict[int, np.ndarray] = {}
+
+    def standard_exponential(self, size: tuple[int, int], dtype: type) -> np.ndarray:
+        """Numbers of mean 1 for the next nodes, and all sources."""
+        node = np.arange(self.drawn, self.drawn + size[0])
+        self.drawn += size[0]
+        of = np.searchsorted(self.first, node, side="right") - 1
+        out: np.ndarray = np.empty(size, dtype)
+        for row, (k, track) in enumerate(zip(node.tolist(), of.tolist(), strict=True)):
+            at = MOVED_ON * int(k - self.first[track])
+            out[row] = self._table(track, size[1])[at : at + size[1]]
+        return out
+
+    def _table(self, track: int, sources: int) -> np.ndarray:
+        if track not in self.tables:
+            nodes = int(self.first[track + 1] - self.first[track])
+            count = sources + MOVED_ON * nodes
+            self.tables[track] = self.chances[track].standard_exponential(count, np.float32)
+        return self.tables[track]
+
+
 def _is_of_one_ink(bank: TextureBank) -> bool:
     """Whether the opacity of a medium is all that its texture tells: each row has one colour."""
-    return bool(inks(Texture(bank.rgba, bank.offsets, bank.margin)).plain.all())
+    return bool(inks(Texture(bank.rgba, bank.offsets, np.array(bank.margin))).plain.all())
 
 
 def _with_color(opacity: np.ndarray, ink: np.ndarray) -> np.ndarray:
@@ -256,10 +302,10 @@ def _reversed_rows(offsets: np.ndarray, against: np.ndarray) -> np.ndarray:
     return np.where(against[own], offsets[own] + offsets[own + 1] - 1 - row, row)
 
 
-def _seams(count: int, columns: int, rng: np.random.Generator) -> np.ndarray:
-    """How the seams (count, 2, A) at both ends wander across strokes, px in [0, SEAM]."""
-    steps = rng.standard_normal((count, 2, columns)).cumsum(axis=2)
-    low, high = steps.min(axis=2, keepdims=True), steps.max(axis=2, keepdims=True)
+def _seams(columns: int, rng: np.random.Generator) -> np.ndarray:
+    """How the seams (2, A) at both ends wander across a stroke, px in [0, SEAM]."""
+    steps = rng.standard_normal((2, columns)).cumsum(axis=1)
+    low, high = steps.min(axis=1, keepdims=True), steps.max(axis=1, keepdims=True)
     return SEAM * (steps - low) / np.maximum(high - low, 1e-9)
 
 

@@ -41,13 +41,23 @@ class Frame:
     on_curve: np.ndarray
 
     @classmethod
-    def of(cls, planned: Planned, surface: np.ndarray, spacing: float) -> Frame:
+    def of(
+        cls,
+        planned: Planned,
+        surface: np.ndarray,
+        spacing: float,
+        weights: np.ndarray | None = None,
+    ) -> Frame:
         """Measure planned strokes.
 
-        `surface` (N, 5) is SURFACE at their points, `spacing` px what lies between two of them.
+        Parameters
+        ----------
+        surface : (N, 5), SURFACE at their points
+        spacing : px between two of them
+        weights : (M,), for `displaced`: what has none is left at 0
         """
         normals = across_strokes(planned.xy, planned.offsets, spacing)
-        deformations = deformations_of(planned, surface[:, 3:], spacing)
+        deformations = deformations_of(planned, surface[:, 3:], spacing, weights)
         return cls(planned.xy, normals, deformations, planned.offsets, planned.on_curve)
 
 
@@ -57,7 +67,9 @@ def across_strokes(xy: np.ndarray, offsets: np.ndarray, spacing: float) -> np.nd
     return np.stack([-t[:, 1], t[:, 0]], axis=1)
 
 
-def deformations_of(planned: Planned, normals: np.ndarray, spacing: float) -> np.ndarray:
+def deformations_of(
+    planned: Planned, normals: np.ndarray, spacing: float, weights: np.ndarray | None = None
+) -> np.ndarray:
     """The displacement (N, M, 2), px, of each of DEFORMATIONS at full strength.
 
     smooth_S moves a point to where a Gaussian of S px takes its curve, whose ends stay; cut_T to
@@ -69,13 +81,17 @@ def deformations_of(planned: Planned, normals: np.ndarray, spacing: float) -> np
     planned : the strokes
     normals : (N, 2), the surface's normals in the image
     spacing : px between two points
+    weights : (M,); a deformation of weight 0 is not measured, and left at 0. None: all are
     """
+    wanted = np.ones(len(DEFORMATIONS), bool) if weights is None else np.asarray(weights) != 0
     out = np.zeros((len(planned.xy), len(DEFORMATIONS), 2))
     on_curve = planned.on_curve
     for a, b in zip(planned.offsets[:-1], planned.offsets[1:], strict=True):
         inner = np.flatnonzero(on_curve[a:b]) + a
         first, end = inner[0], inner[-1] + 1
-        out[first:end] = _deformations_of_curve(planned.xy[first:end], normals[first:end], spacing)
+        out[first:end] = _deformations_of_curve(
+            planned.xy[first:end], normals[first:end], spacing, wanted
+        )
         span = min(max(1, round(HEADING_SPAN / spacing)), end - first - 1)
         over = planned.overshoot[:, None, None] / max(span * spacing, 1e-9)
         out[a:first] = out[first] + over[a:first] * (out[first] - out[first + span])
@@ -83,18 +99,26 @@ def deformations_of(planned: Planned, normals: np.ndarray, spacing: float) -> np
     return out
 
 
-def _deformations_of_curve(xy: np.ndarray, normals: np.ndarray, spacing: float) -> np.ndarray:
-    """The displacement (n, M, 2) of one curve's points (n, 2) by each of DEFORMATIONS."""
-    whole = np.array([0, len(xy)])
-    moved = [along_strokes(xy, whole, sigma, spacing, pin=True) - xy for sigma in SMOOTHINGS]
-    smooth = along_strokes(xy, whole, CUT_SIGMA, spacing, pin=True)
+def _deformations_of_curve(
+    xy: np.ndarray, normals: np.ndarray, spacing: float, wanted: np.ndarray
+) -> np.ndarray:
+    """The displacement (n, M, 2) of one curve's points (n, 2) by each `wanted` of DEFORMATIONS."""
+    whole, smooth = np.array([0, len(xy)]), None
     row = np.arange(len(xy), dtype=np.float64)
-    for tolerance in CUTS:
-        keep = simplify(smooth, tolerance)
-        chords = [np.interp(row, keep, smooth[keep, i]) for i in (0, 1)]
-        moved.append(np.stack(chords, axis=1) - xy)
-    moved.append(along_strokes(normals, whole, INFLATE_SIGMA, spacing))
-    return np.stack(moved, axis=1)
+    moved = np.zeros((len(xy), len(DEFORMATIONS), 2))
+    cuts = len(SMOOTHINGS)
+    for k in np.flatnonzero(wanted).tolist():
+        if k < cuts:
+            moved[:, k] = along_strokes(xy, whole, SMOOTHINGS[k], spacing, pin=True) - xy
+        elif k < cuts + len(CUTS):
+            if smooth is None:
+                smooth = along_strokes(xy, whole, CUT_SIGMA, spacing, pin=True)
+            keep = simplify(smooth, CUTS[k - cuts])
+            chords = [np.interp(row, keep, smooth[keep, i]) for i in (0, 1)]
+            moved[:, k] = np.stack(chords, axis=1) - xy
+        else:
+            moved[:, k] = along_strokes(normals, whole, INFLATE_SIGMA, spacing)
+    return moved
 
 
 def displaced(frame: Frame, weights: np.ndarray) -> np.ndarray:

@@ -8,7 +8,8 @@ cuts (`lay_runs`). After Efros and Freeman 2001, along one dimension.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy import ndimage
@@ -140,8 +141,9 @@ def choose_runs(
     bank: TextureBank,
     rows: Rows,
     predicted: np.ndarray,
-    rng: np.random.Generator,
+    chance: Chance,
     excluded: np.ndarray | None = None,
+    every: int = ROWS,
 ) -> Runs:
     """Choose the cheapest sequence of source rows along every stroke.
 
@@ -150,8 +152,9 @@ def choose_runs(
     bank : T source rows in S strips
     rows : of the new strips, R in all
     predicted : (R, 4), the ink that they should have
-    rng : decides between sources that cost about the same
+    chance : decides between sources that cost about the same
     excluded : (C, S) bool, strips that a stroke may not copy from
+    every : of the source rows, each so-manieth is on offer where a run begins
     """
     count = -(-np.diff(rows.offsets) // STEP)
     first = np.r_[0, np.cumsum(count)]
@@ -160,8 +163,9 @@ def choose_runs(
     middle = np.minimum(begin + STEP // 2, rows.offsets[stroke + 1] - 1)
     target, source = cost_factors(bank, rows, predicted, middle)
     strip = owner(bank.offsets)
-    barred = None if excluded is None else excluded[stroke][:, strip[::ROWS]]
-    near = _cheapest_sources(target, source, rng, barred)
+    barred = None if excluded is None else excluded[stroke][:, strip[::every]]
+    offered = np.ascontiguousarray(source[::every])
+    near = _cheapest_sources(target, offered, chance, barred) * every
     chosen = cheapest_sequence(bank.appearance, near, first, target, source, _followers(strip))
     home = strip[chosen]
     return Runs(
@@ -169,23 +173,30 @@ def choose_runs(
     )
 
 
-def _cheapest_sources(
-    target: np.ndarray, source: np.ndarray, rng: np.random.Generator, barred: np.ndarray | None
-) -> np.ndarray:
-    """The CANDIDATES source rows (K, W) that are cheapest to lay on each node, and chance.
+class Chance(Protocol):
+    """What decides between sources: a random generator, or what draws as one does."""
 
-    Every ROWS-th source row is on offer; `barred` (K, T / ROWS) bool says which are not.
+    def standard_exponential(self, size: tuple[int, int], dtype: type) -> np.ndarray:
+        """Numbers of mean 1 for so many nodes, the next ones, and sources."""
+        ...
+
+
+def _cheapest_sources(
+    target: np.ndarray, source: np.ndarray, chance: Chance, barred: np.ndarray | None
+) -> np.ndarray:
+    """The CANDIDATES of the sources on offer (K, W) that are cheapest to lay on each node.
+
+    `barred` (K, T) bool says which of them may not be taken.
     """
-    every = np.arange(0, len(source), ROWS)
-    few = min(CANDIDATES, len(every))
+    few = min(CANDIDATES, len(source))
     near = np.empty((len(target), few), np.int64)
     for a in range(0, len(target), 1024):
         part = slice(a, a + 1024)
-        cost = target[part] @ source[every].T
-        cost += RANDOMNESS * rng.standard_exponential(cost.shape, np.float32)
+        cost = target[part] @ source.T
+        cost += RANDOMNESS * chance.standard_exponential(cost.shape, np.float32)
         if barred is not None:
             cost[barred[part]] += 1e6
-        near[part] = every[np.argpartition(cost, few - 1, axis=1)[:, :few]]
+        near[part] = np.argpartition(cost, few - 1, axis=1)[:, :few]
     return near
 
 
@@ -417,7 +428,9 @@ def lay_rows(
     layer = np.concatenate([copy(copied[a : a + CHUNK], every[a : a + CHUNK]) for a in starts])
     for joints in _joints(rows, runs):
         _join(layer, copy, rows, runs, joints)
-    layer *= caps(rows, bank.ends[copied], bank.margin, columns)
+    past = np.flatnonzero((rows.ends < 0).any(axis=1))
+    beyond = replace(rows, ends=rows.ends[past], width=rows.width[past])
+    layer[past] *= caps(beyond, bank.ends[copied[past]], bank.margin, columns)
     return LaidRows(layer, wanted)
 
 

@@ -148,7 +148,7 @@ class Style:
         features = self.scaling(point_features(planned, surface, self.config, names))
         if not len(planned):
             return LaidStrokes(_no_strokes(), features, None)
-        frame = Frame.of(planned, surface, self.config.spacing)
+        frame = Frame.of(planned, surface, self.config.spacing, self.displacement)
         xy, log_width = displaced(frame, self.displacement) + off, self.log_width(features)
         if self.residuals is not None:
             rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
