@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..batch.plan import Job
     from ..drawing.strokes import Drawing
     from ..extract.camera import Camera
+    from ..film.page import FilmPage
     from ..film.pictures import Pictures
     from ..mesh.surface import Surface
     from ..motion.frames import Shot
@@ -124,6 +125,16 @@ class Animation(NamedTuple):
     def exposure(self) -> int:
         """For how many frames each drawing is held."""
         return 2 if self.options.get("on_twos") else 1
+
+    @property
+    def loops(self) -> bool:
+        """Whether the first frame follows the last."""
+        return bool(self.options.get("turntable")) and not self.sequence
+
+    @property
+    def transparent(self) -> bool:
+        """Whether films have no background."""
+        return self.look.get("background") == NOTHING
 
     @property
     def boil(self) -> float:
@@ -412,7 +423,7 @@ def drawings(
                 shape.line_options(),
                 shape.spacing(),
                 optional and shape.has_optional_lines,
-                loop=bool(options.get("turntable")) and not animation.sequence,
+                loop=animation.loops,
             )
         drawn = draw_frames(style, frames, animation.seed, animation.boil)
         yield from display.stage("drawing", drawn, len(shots))
@@ -460,14 +471,29 @@ class Written:
         self.files: list[str] = []
         self.texture: str | None = None
         self.frame = 0
+        self.resources: contextlib.ExitStack
+        self.pages: list[tuple[Path, FilmPage]]
+        self.pictures: Pictures | None
+
+    @property
+    def title(self) -> str:
+        """The title of drawings and pages."""
+        return self.animation.look.get("title") or Path(self.job.shape).stem
 
     def __enter__(self) -> Written:
+        from ..film.page import FilmPage
         from ..film.pictures import Pictures
 
-        self.resources = contextlib.ExitStack()
-        self.pictures: Pictures | None = None
-        if self.animation.films:
-            self.pictures = self.resources.enter_context(Pictures())
+        animation, open_here = self.animation, contextlib.ExitStack()
+        self.resources, self.pages, self.pictures = open_here, [], None
+        loop = animation.loops
+        for film in animation.films:
+            if film.suffix.lower() == ".html":
+                ground = "" if animation.transparent else animation.look.get("background")
+                page = FilmPage(self.title, animation.rate, loop, ground)
+                self.pages.append((film, open_here.enter_context(page)))
+            elif self.pictures is None:
+                self.pictures = open_here.enter_context(Pictures())
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -489,15 +515,12 @@ class Written:
                 if self.animation.preview:
                     self.files.append(write_preview(output, text, self.animation.scale))
         self.frame += held
+        for _, page in self.pages:
+            page.add(text, drawing.size, held)
         if self.pictures is not None:
             with timed("picture"):
-                background = None if self.transparent else "#ffffff"
+                background = None if self.animation.transparent else "#ffffff"
                 self.pictures.add(png_from_svg(text, self.animation.scale, background), held)
-
-    @property
-    def transparent(self) -> bool:
-        """Whether the films have no background."""
-        return self.animation.look.get("background") == NOTHING
 
     def look_of(self, drawing: Drawing) -> SvgOptions:
         """How a drawing is written: all with the texture of the first that has one."""
@@ -505,10 +528,10 @@ class Written:
         from ..svg.write import resolve_texture
 
         look = dict(self.animation.look)
-        if self.transparent:
+        if self.animation.transparent:
             del look["background"]
         made_by = {
-            "title": Path(self.job.shape).stem,
+            "title": self.title,
             "description": f"Drawn by strokestyle {__version__}",
         }
         options = SvgOptions(**{**made_by, **look})
@@ -525,10 +548,13 @@ class Written:
         """Write the films."""
         from ..film.films import write_film
 
-        for film in self.animation.films:
-            assert self.pictures is not None
+        animation, pages = self.animation, dict(self.pages)
+        for film in animation.films:
             with timed(f"write {film}"):
-                write_film(film, self.pictures, self.animation.rate, self.transparent)
+                if film in pages:
+                    pages[film].write(film)
+                elif self.pictures is not None:
+                    write_film(film, self.pictures, animation.rate, animation.transparent)
             self.files.append(str(film))
 
     def told(self) -> str:

@@ -15,6 +15,7 @@ import click
 
 from .. import __version__
 from .animation import (
+    NOTHING,
     Animation,
     animation_options,
     draw_animation,
@@ -179,6 +180,8 @@ def render(
         Path(stages).mkdir(parents=True, exist_ok=True)
         if animated and not options["still"]:
             say("--stages: each frame is drawn on its own, as with --still")
+    if look.get("background") == NOTHING and not (animated and not stages):
+        del look["background"]
     listed, animation = read_list(shapes), None
     target = output or os.path.join(stages or os.curdir, "")
     if animated and not stages:

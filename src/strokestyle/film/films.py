@@ -14,7 +14,8 @@ from .video import CODECS, check_encoder, write_video
 from .webp import write_webp
 
 WRITERS = {".gif": write_gif, ".apng": write_apng, ".png": write_apng, ".webp": write_webp}
-FILM_SUFFIXES = (*WRITERS, *CODECS)  # of films of pixels
+PAGE = ".html"
+FILM_SUFFIXES = (PAGE, *WRITERS, *CODECS)
 
 
 def check_film(path: str | Path, rate: Fraction) -> None:
@@ -25,7 +26,7 @@ def check_film(path: str | Path, rate: Fraction) -> None:
             check_encoder(suffix)
         elif suffix == ".gif":
             gif.check_rate(rate)
-        elif suffix not in WRITERS:
+        elif suffix not in FILM_SUFFIXES:
             raise ValueError(f"a film is {', '.join(FILM_SUFFIXES)}")
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

@@ -97,7 +97,7 @@ def _feed(process: subprocess.Popen, pictures: Pictures) -> None:
     """Send every frame, those that are held as often as they are shown."""
     assert process.stdin is not None
     try:
-        for png, held in zip(pictures.pngs(), pictures.held, strict=True):
+        for png, held in zip(pictures.pngs, pictures.held, strict=True):
             for _ in range(held):
                 process.stdin.write(png)
         process.stdin.close()

@@ -12,6 +12,7 @@ import hashlib
 import html
 import json
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,21 +45,12 @@ def page_html(drawings: list[tuple[str, str]]) -> str:
     """
     if not drawings:
         raise ValueError("a page needs at least one drawing")
-    style = _text("page.css")
+    style = page_text("base.css") + page_text("page.css")
     constants = f"const CONSTANTS = {json.dumps(shared_constants())};\n"
-    painter = '"use strict";\n' + constants + "".join(map(_text, PAINTER))
-    script = '"use strict";\n' + "".join(map(_text, SCRIPTS))
+    painter = '"use strict";\n' + constants + "".join(map(page_text, PAINTER))
+    script = '"use strict";\n' + "".join(map(page_text, SCRIPTS))
     parts = {
-        "policy": "; ".join(
-            (
-                "default-src 'none'",
-                f"script-src '{_hash(painter)}' '{_hash(script)}'",
-                "worker-src blob:",
-                f"style-src '{_hash(style)}'",
-                "base-uri 'none'",
-                "form-action 'none'",
-            )
-        ),
+        "policy": policy([painter, script], style, "worker-src blob:"),
         "generator": f"strokestyle {__version__}",
         "title": html.escape(
             ", ".join(name for name, _ in drawings[:3]) + (" ..." if len(drawings) > 3 else "")
@@ -66,13 +58,33 @@ def page_html(drawings: list[tuple[str, str]]) -> str:
         "style": style,
         "painter": painter,
         "script": script,
-        "data": _json([{"name": name, "svg": svg} for name, svg in drawings]),
+        "data": json_text([{"name": name, "svg": svg} for name, svg in drawings]),
     }
-    return re.sub(r"@(\w+)@", lambda match: parts[match[1]], _text("page.html"))
+    return filled(page_text("page.html"), parts)
 
 
-def _text(name: str) -> str:
-    return (FOLDER / name).read_text(encoding="utf-8")
+def policy(scripts: Sequence[str], style: str, *more: str) -> str:
+    """Make the security policy of a page: it runs its own scripts, and asks the network for
+    nothing.
+
+    Parameters
+    ----------
+    scripts, style : all that stands in its script elements, and in its style element
+    more : further rules, such as "img-src blob:"
+    """
+    run = " ".join(f"'{_hash(script)}'" for script in scripts)
+    rules = ("default-src 'none'", f"script-src {run}", *more, f"style-src '{_hash(style)}'")
+    return "; ".join((*rules, "base-uri 'none'", "form-action 'none'"))
+
+
+def filled(template: str, parts: Mapping[str, str]) -> str:
+    """Put parts in the places of a template that are marked as @name@."""
+    return re.sub(r"@(\w+)@", lambda match: parts[match[1]], template)
+
+
+def page_text(name: str, folder: Path = FOLDER) -> str:
+    """Read a part of a page that lies beside this module, or in another folder."""
+    return (folder / name).read_text(encoding="utf-8")
 
 
 def _hash(text: str) -> str:
@@ -81,6 +93,6 @@ def _hash(text: str) -> str:
     )
 
 
-def _json(value: Any) -> str:
-    """JSON that can stand inside a script element: nothing in it ends that element."""
+def json_text(value: Any) -> str:
+    """Write JSON that can stand inside a script element: nothing in it ends that element."""
     return json.dumps(value, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
