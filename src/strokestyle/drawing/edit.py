@@ -243,7 +243,8 @@ def cut_at_parts(drawing: Drawing, pieces: Pieces) -> Drawing:
             else strip_of_piece(old, texture, i, strokes, k, *ends[k].tolist())
             for k, i in enumerate(of.tolist())
         ]
-        texture = _stacked(strips, texture.margin[of])
+        levels = None if texture.opacities is None else texture.opacities[of]
+        texture = replace(_stacked(strips, texture.margin[of]), opacities=levels)
     return replace(
         drawing,
         strokes=strokes,
@@ -279,7 +280,8 @@ def keep(drawing: Drawing, index: np.ndarray) -> Drawing:
     )
     if texture is not None:
         rows, offsets = take_ragged(texture.offsets, index)
-        texture = Texture(texture.rgba[rows], offsets, texture.margin[index])
+        levels = None if texture.opacities is None else texture.opacities[index]
+        texture = Texture(texture.rgba[rows], offsets, texture.margin[index], levels)
     parts = None if drawing.parts is None else drawing.parts.take(index)
     track = None if drawing.track is None else tuple(drawing.track[i] for i in index.tolist())
     return replace(

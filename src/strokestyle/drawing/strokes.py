@@ -103,6 +103,8 @@ class Texture:
     offsets : (C+1,) int64
     margin : (C,) float64, or one for all: pixels beyond the half thickness that each strip
         reaches, so that soft edges are not cut
+    opacities : (C, 256), how often each level of opacity occurs in what the tones of a stroke are
+        chosen for: its track in all frames of an animation; None: its own strip
 
     Raises
     ------
@@ -113,6 +115,7 @@ class Texture:
     rgba: np.ndarray
     offsets: np.ndarray
     margin: np.ndarray
+    opacities: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         rgba, offsets = np.asarray(self.rgba), np.asarray(self.offsets, np.int64)
@@ -130,6 +133,11 @@ class Texture:
             worst = margin.flat[np.abs(margin - 0.5 * MAX_MARGIN).argmax()]
             raise ValueError(
                 f"Texture.margin must lie between 0 and {MAX_MARGIN:g} px, got {worst:g}"
+            )
+        if self.opacities is not None and self.opacities.shape != (len(offsets) - 1, 256):
+            raise ValueError(
+                f"Texture.opacities must have shape ({len(offsets) - 1}, 256), "
+                f"got {self.opacities.shape}"
             )
         object.__setattr__(self, "rgba", rgba)
         object.__setattr__(self, "offsets", offsets)

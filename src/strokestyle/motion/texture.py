@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -140,7 +141,16 @@ class TrackTextures:
             seen = _seen(laid.strokes, i, points.of(i), margin)
             strips.append(self._strip(sheet, name, seen))
         offsets = np.cumsum([0] + [len(strip) for strip in strips])
-        return Texture(np.concatenate(strips), offsets, np.full(len(names), margin))
+        levels = np.stack([self.opacities[name] for name in names])
+        return Texture(np.concatenate(strips), offsets, np.full(len(names), margin), levels)
+
+    @cached_property
+    def opacities(self) -> dict[Name, np.ndarray]:
+        """How often each level of opacity, (256,), occurs along each track."""
+        return {
+            name: np.bincount(self.sheet.layer[track.body.rows, :, -1].ravel(), minlength=256)
+            for name, track in self.sheet.tracks.items()
+        }
 
     # ---------------------------------------------------------------------------------- laying
 

@@ -93,7 +93,8 @@ def tones(
     rows, strips = take_ragged(texture.offsets, index)
     rgba = texture.rgba[rows]
     alpha = rgba[..., 3].astype(np.float32) / 255.0
-    levels = _levels(alpha, rgba, strips, count, (ink or inks(texture)).color[index])
+    known = None if texture.opacities is None else texture.opacities[index].astype(np.float64)
+    levels = _levels(alpha, rgba, strips, count, (ink or inks(texture)).color[index], known)
     contours = _contours(alpha, strips, bands, levels.threshold)
     points, offsets, kept = _splines(contours.xy, contours.offsets, SLACK * tolerance)
     stroke, tone = contours.stroke[kept], contours.tone[kept]
@@ -149,18 +150,24 @@ class _Levels(NamedTuple):
 
 
 def _levels(
-    alpha: np.ndarray, rgba: np.ndarray, offsets: np.ndarray, count: int, ink: np.ndarray
+    alpha: np.ndarray,
+    rgba: np.ndarray,
+    offsets: np.ndarray,
+    count: int,
+    ink: np.ndarray,
+    histogram: np.ndarray | None,
 ) -> _Levels:
     """Choose the levels of tone of each stroke, and their colours.
 
-    Least squares on each stroke's histogram of opacity, the lowest level none: the best of coarse
-    partitions, then made finer (Lloyd 1982). So the few opacities of a texture that was told in
-    tones before are found again. Where there are fewer opacities than levels, the last thresholds
-    are out of reach.
+    Least squares on the histogram of each stroke's opacity, the lowest level none: the best of
+    coarse partitions, then made finer (Lloyd 1982). So the few opacities of a texture that was told
+    in tones before are found again. Where there are fewer opacities than levels, the last
+    thresholds are out of reach. `histogram` (C, 256) is another than that of the strip.
     """
     strokes, own = len(offsets) - 1, owner(offsets)
     bins = (own[:, None] * 256 + np.rint(alpha * 255).astype(np.int64)).reshape(-1)
-    histogram = np.bincount(bins, minlength=strokes * 256).reshape(strokes, 256).astype(np.float64)
+    if histogram is None:
+        histogram = np.bincount(bins, minlength=strokes * 256).reshape(strokes, 256).astype(float)
     level, threshold = _distinct(*_refined(histogram, _partitioned(histogram, count)))
     value = np.arange(256) / 255.0
     tone_of_bin = (value[None, :, None] >= threshold[:, None]).sum(axis=2)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import gzip
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -107,6 +107,21 @@ def write_svg(
     page = Page.of_canvas(drawing.size, options)
     data = drawing_data(drawing.size, page, options, _used_parts(drawing, items))
     return document(content, page, options, data, effects)
+
+
+def write_frames(
+    drawings: Iterable[Drawing], options: SvgOptions | None = None, **changes
+) -> Iterator[str]:
+    """Write the drawings of an animation as SVG texts, one after the other.
+
+    All are written alike: what `texture` "auto" means is decided by the first that has texture.
+    Arguments and errors are those of `write_svg`.
+    """
+    options = replace(options or SvgOptions(), **changes)
+    for drawing in drawings:
+        if drawing.texture is not None and options.texture == "auto":
+            options = resolve_texture(drawing, options)
+        yield write_svg(drawing, options)
 
 
 def _used_parts(drawing: Drawing, items: list[LayerItem]) -> list[str]:
