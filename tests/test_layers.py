@@ -28,6 +28,8 @@ ONLY = {
     "click": {"cli"},
     "rich": {"cli"},
     "embreex": {"extract.rays"},
+    "dask": {"batch.cluster"},
+    "distributed": {"batch.cluster"},
 }
 MODULES = {
     ".".join(path.relative_to(SOURCE).with_suffix("").parts): path

@@ -9,7 +9,8 @@ import stat
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
+
+from ..mesh.beside import files_beside
 
 LENGTH = 16  # bytes of a digest
 CHUNK = 2**20
@@ -36,18 +37,11 @@ def shape_key(settings: str, shape: str) -> str:
 
     `settings` : what `settings_key` gave
     """
-    content = content_digest([shape, *_files_named_by(shape)])
-    return (
-        _digest(
-            [
-                settings.encode(),
-                Path(shape).name.encode("utf-8", "surrogateescape"),
-                content.encode(),
-            ]
-        )
-        if content
-        else ""
-    )
+    content = content_digest([shape, *map(str, files_beside(shape))])
+    if not content:
+        return ""
+    name = Path(shape).name.encode("utf-8", "surrogateescape")
+    return _digest([settings.encode(), name, content.encode()])
 
 
 def content_digest(files: Iterable[str]) -> str:
@@ -78,20 +72,6 @@ def _settled(value: Any) -> Any:
     if isinstance(value, str) and os.path.isfile(value):
         return content_digest([value])
     return value
-
-
-def _files_named_by(shape: str) -> list[str]:
-    """The files beside a .gltf that hold its coordinates, as far as they are there."""
-    if Path(shape).suffix.lower() != ".gltf" or not os.path.isfile(shape):
-        return []
-    try:
-        with open(shape, "rb") as file:
-            buffers = json.load(file)["buffers"]
-        names = [unquote(one["uri"]) for one in buffers if not one["uri"].startswith("data:")]
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        return []
-    beside = [os.path.join(os.path.dirname(shape), name) for name in names]
-    return [name for name in beside if os.path.isfile(name)]
 
 
 def _digest(parts: Iterable[bytes]) -> str:

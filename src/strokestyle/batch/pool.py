@@ -77,7 +77,7 @@ def draw_in_workers(
     NoWorkers
         where none can be started.
     """
-    pool = _Pool(prepare, jobs, workers, limits or Limits(), folders)
+    pool = Pool(prepare, workers, limits or Limits(), folders, jobs)
     try:
         yield from pool.outcomes()
     finally:
@@ -139,25 +139,44 @@ class _Task:
     wants_new: bool = False  # a worker that has drawn nothing yet
 
 
-class _Pool:
+class Pool:
+    """The workers of `draw_in_workers`, which takes the same; they start as there is work."""
+
     def __init__(
         self,
         prepare: Prepare,
-        jobs: Sequence[Job],
         workers: int,
         limits: Limits,
-        folders: Sequence[str],
+        folders: Sequence[str] = (),
+        jobs: Sequence[Job] = (),
     ):
         self.prepare, self.limits, self.size, self.folders = prepare, limits, workers, folders
         self.todo = deque(_Task(job) for job in jobs)
         self.workers: set[_Worker] = set()
         self.heard: queue.SimpleQueue[tuple[_Worker, Any]] = queue.SimpleQueue()
         self.failed_starts = 0
+        self.abandoned = False
         self.environment = _environment(workers)
+
+    def draw(self, job: Job) -> Outcome:
+        """Draw one more shape, where nothing else is drawn. Raises what `draw_in_workers` does."""
+        self.todo.append(_Task(job))
+        try:
+            for outcome in self.outcomes():
+                return outcome
+        finally:
+            self.todo.clear()
+        raise NoWorkers("they were stopped")
+
+    def abandon(self) -> None:
+        """Kill all workers from another thread, for good: what is drawn comes to nothing."""
+        self.abandoned = True
+        for worker in list(self.workers):
+            worker.process.kill()
 
     def outcomes(self) -> Iterator[Outcome]:
         """What became of each shape, as it is done."""
-        while self.todo or any(worker.task for worker in self.workers):
+        while not self.abandoned and (self.todo or any(one.task for one in self.workers)):
             self._fill()
             try:
                 worker, message = self.heard.get(timeout=self._rest())
@@ -251,7 +270,7 @@ class _Pool:
 
     def _given_up(self, worker: _Worker, task: _Task, code: int) -> Outcome:
         why, failure = {
-            "timeout": (f"not drawn in {self.limits.seconds:g} s", "timeout"),
+            "timeout": (f"not drawn in {self.limits.seconds or 0:g} s", "timeout"),
             "memory": (f"needs more than {_size(self.limits.memory)} of memory", "memory"),
             None: (f"its worker died {task.attempts} times ({_cause(code)})", "killed"),
         }[worker.excess]

@@ -41,12 +41,19 @@ class Recipe(NamedTuple):
     draw : draws a shape and writes it
     model : file of the style, as errors name it
     key : `settings_key` of all that decides how shapes are drawn
+    inputs : all files that are read besides the shapes
+    folders : where files are written besides the folders of the drawings
+    moved : gives the recipe for a machine on which `inputs` and `folders` lie elsewhere: where, by
+        their names here
     """
 
     load: Callable[[], object]
     draw: Callable[[Job], Drawn]
     model: str
     key: str
+    inputs: tuple[str, ...]
+    folders: tuple[str, ...]
+    moved: Callable[[Mapping[str, str]], Recipe]
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,8 @@ class Running:
     folders : where files are written besides
     resume : whether what is drawn and whole stays
     tell : whether outcomes are printed on standard output, a line of JSON each
+    scheduler : address of the Dask scheduler at whose workers shapes are drawn; None for this
+        machine
     """
 
     jobs: int = 1
@@ -69,6 +78,7 @@ class Running:
     folders: Sequence[str] = ()
     resume: bool = False
     tell: bool = False
+    scheduler: str | None = None
 
 
 def read_list(shapes: Sequence[str]) -> list[str]:
@@ -108,8 +118,13 @@ def how_to_run(
     folder = output if several and is_folder(output) else None
     if values["resume"] and folder is None:
         raise click.UsageError("--resume goes on with a batch: give -o a folder")
-    limits = Limits(values["timeout"], values["memory"])
-    if limits.memory and not can_be_watched():
+    limits, scheduler = Limits(values["timeout"], values["memory"]), values["scheduler"]
+    if scheduler and values["jobs"] > 1:
+        raise click.UsageError(
+            "--jobs is for this machine: with --scheduler as many are drawn at the same time as "
+            "the workers there have threads"
+        )
+    if limits.memory and not scheduler and not can_be_watched():
         raise click.UsageError("--memory: this system does not tell how much a process takes")
     return Running(
         values["jobs"],
@@ -118,6 +133,7 @@ def how_to_run(
         [stages] if stages else [],
         values["resume"],
         values["tell"],
+        scheduler,
     )
 
 
@@ -181,15 +197,42 @@ def _outcomes(recipe: Recipe, jobs: Sequence[Job], running: Running) -> Iterator
 
     So no large one is left for the end, when the other workers have nothing to do.
     """
-    if running.folder is None and running.limits is None:
+    if running.folder is None and running.limits is None and running.scheduler is None:
         return map(functools.partial(draw_here, recipe), jobs)
     from ..batch.pool import draw_in_workers
 
-    workers = min(running.jobs, len(jobs))
-    if workers > 1:
+    if running.scheduler or running.jobs > 1:
         jobs = sorted(jobs, key=lambda job: _size(job.shape), reverse=True)
+    if running.scheduler:
+        return _outcomes_elsewhere(recipe, jobs, running.scheduler, running)
+    workers = min(running.jobs, len(jobs))
     prepare = functools.partial(prepare_worker, recipe)
     return draw_in_workers(prepare, jobs, workers, running.limits, running.folders)
+
+
+def _outcomes_elsewhere(
+    recipe: Recipe, jobs: Sequence[Job], scheduler: str, running: Running
+) -> Iterator[Outcome]:
+    """Draw shapes at the workers of a scheduler."""
+    try:
+        from ..batch.cluster import draw_on_cluster
+    except ImportError as error:
+        raise ValueError(
+            f"--scheduler needs {error.name or 'Dask'}: pip install 'strokestyle[cluster]'"
+        ) from None
+    from ..batch.pool import Limits
+    from ..batch.station import Errand
+
+    prepare = functools.partial(prepare_elsewhere, recipe.moved)
+    errand = Errand(prepare, recipe.inputs, recipe.folders, running.limits or Limits())
+    return draw_on_cluster(errand, jobs, scheduler, say)
+
+
+def prepare_elsewhere(
+    moved: Callable[[Mapping[str, str]], Recipe], places: Mapping[str, str]
+) -> Callable[[], Callable[[Job], Outcome]]:
+    """What a worker process of another machine does first, as `prepare_worker` does here."""
+    return functools.partial(prepare_worker, moved(places))
 
 
 def prepare_worker(recipe: Recipe) -> Callable[[Job], Outcome]:

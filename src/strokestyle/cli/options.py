@@ -379,6 +379,13 @@ batch_options = OptionGroup(
         help="Give up a shape for which a worker needs more, such as 2G, and go on with the "
         "others. On Linux and macOS.",
     ),
+    click.option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Draw at the workers of a Dask scheduler, such as tcp://host:8786 or "
+        "tls://host:8786: shapes and model are sent there and the drawings brought back; no folder "
+        "is shared. Or the scheduler's file, NAME.json.",
+    ),
     json_option,
 )
 

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from ..drawing.strokes import Drawing
     from ..extract.view import View
 
+# options of a shape that name files
+FILE_OPTIONS = ("camera", "cameras", "curves")
 ENCODINGS = {"vector": "grain as paths", "image": "texture as images", "none": "flat ink"}
 
 
@@ -241,12 +243,47 @@ def recipe_of(settings: RenderSettings) -> Recipe:
     """How all shapes are drawn, and the key of all that this depends on."""
     from ..batch.keys import settings_key
 
+    key = settings_key({"version": __version__, **settings._asdict()})
+    return recipe_with(settings, key)
+
+
+def recipe_with(settings: RenderSettings, key: str) -> Recipe:
+    """How all shapes are drawn, where their key is known."""
+    animation = settings.animation
+    inputs = [settings.model, *(settings.shape.get(name) for name in FILE_OPTIONS)]
+    folders = [settings.stages]
+    if animation:
+        inputs += animation.sequence
+        folders += [str(film.parent) for film in animation.films]
     return Recipe(
         functools.partial(read_style, settings.model, settings.device),
         functools.partial(draw_shape, settings),
         settings.model,
-        settings_key({"version": __version__, **settings._asdict()}),
+        key,
+        tuple(dict.fromkeys(filter(None, inputs))),
+        tuple(dict.fromkeys(filter(None, folders))),
+        functools.partial(moved_recipe, settings, key),
     )
+
+
+def moved_recipe(settings: RenderSettings, key: str, places: Mapping[str, str]) -> Recipe:
+    """How all shapes are drawn where files and folders lie elsewhere: by their names here."""
+    files = {name: value for name in FILE_OPTIONS if (value := settings.shape.get(name))}
+    shape = {**settings.shape, **{name: places[value] for name, value in files.items()}}
+    animation = settings.animation
+    if animation:
+        animation = animation._replace(
+            options=shape,
+            films=tuple(Path(places[str(film.parent)], film.name) for film in animation.films),
+            sequence=tuple(places[name] for name in animation.sequence),
+        )
+    moved = settings._replace(
+        model=places[settings.model],
+        shape=shape,
+        stages=settings.stages and places[settings.stages],
+        animation=animation,
+    )
+    return recipe_with(moved, key)
 
 
 # --------------------------------------------------------------------------------------- one shape

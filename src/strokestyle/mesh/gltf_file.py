@@ -24,6 +24,7 @@ _MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 MAX_ZEROS = 100_000_000  # elements of an accessor that no bytes of the file stand behind
+_ELSEWHERE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:|//")
 _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 
@@ -185,25 +186,36 @@ class GltfFile:
 
     def _read_beside(self, uri: str, length: int) -> bytes:
         """Read the file that a URI names, relative to this one (2.8)."""
-        if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:|//", uri):
+        if _ELSEWHERE.match(uri):
             raise NotSupported(
                 f"its buffer lies at {quoted(uri)!r}, and nothing is fetched from elsewhere: save "
                 "it as one .glb file"
             )
+        beside = self._beside(uri)
+        if beside is None:
+            raise FileNotFoundError(
+                f"{self.path}: the file {quoted(unquote(uri))!r} that it names is not there: put "
+                "it beside it, or save it as one .glb file"
+            )
+        with open(beside, "rb") as file:
+            return file.read(length)
+
+    def files_beside(self) -> list[Path]:
+        """Name the files that hold buffers of this one, as far as they are there."""
+        uris = [buffer.get("uri") for buffer in self.content.get("buffers", ())]
+        beside = [uri for uri in uris if isinstance(uri, str) and not _ELSEWHERE.match(uri)]
+        return [found for uri in beside if (found := self._beside(uri))]
+
+    def _beside(self, uri: str) -> Path | None:
         # the specification asks for percent-encoding; some programs write names as they are
         for name in (unquote(uri), uri, unquote(uri).replace("\\", "/")):
             try:
                 beside = _in_any_case(self.path.parent / name)
-                there = beside.is_file()
+                if beside.is_file():
+                    return beside
             except (OSError, ValueError):  # a name that no file can have
                 continue
-            if there:
-                with open(beside, "rb") as file:
-                    return file.read(length)
-        raise FileNotFoundError(
-            f"{self.path}: the file {quoted(unquote(uri))!r} that it names is not there: put it "
-            "beside it, or save it as one .glb file"
-        )
+        return None
 
 
 def _is_cut(error: json.JSONDecodeError) -> bool:
