@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..film.page import FilmPage
     from ..film.pictures import Pictures
     from ..mesh.surface import Surface
-    from ..motion.frames import Shot
+    from ..motion.frames import Frame, Shot
     from ..render.neural_strokes import NeuralStrokesStyle
     from ..render.style import Style
     from ..svg.format import SvgOptions
@@ -425,6 +425,7 @@ def drawings(
                 optional and shape.has_optional_lines,
                 loop=animation.loops,
             )
+        warn_of_kinds(shape.path, unknown_in_shot(shots[0], frames, style, shape))
         drawn = draw_frames(style, frames, animation.seed, animation.boil)
         yield from display.stage("drawing", drawn, len(shots))
         return
@@ -446,12 +447,32 @@ def stills(
     shape, choice = moving.shape, style.choice
     optional = choice is not None and choice.optional is not None and shape.has_optional_lines
     views = views_of_shots(shots, shape.line_options(), shape.spacing(), optional)
-    left_out: set[str] = set()
+    left_out, kept = set[str](), False
     for view in views:
         lines = style.choose(view)
         left_out.update(unknown_kinds(view, lines, choice))
+        kept |= style.leaves_nothing(view)
         yield style.draw(lines, seed=animation.seed, choice="all")
     warn_of_kinds(shape.path, left_out)
+    if kept:
+        warn_of_all_lines(shape.path)
+
+
+def unknown_in_shot(shot: Shot, frames: list[Frame], style: Style, shape: Shape) -> set[str]:
+    """The kinds of line that a shot shows and no frame does, because the exemplar had none."""
+    from ..extract.lines import SurfaceLines
+    from ..extract.pipeline import see_lines
+    from ..geometry.kinds import KINDS
+    from ..render.choice import never_drawn
+
+    never = set(never_drawn(style.choice))
+    if not never:
+        return set()
+    lines = SurfaceLines(shot.surface, shape.line_options())
+    seen = set(see_lines(lines, shot.camera, shape.spacing()).curves.kind.tolist())
+    for frame in frames:
+        seen -= set(frame.planned.kind.tolist())
+    return {KINDS[kind] for kind in seen & never}
 
 
 def warn_of_kinds(shape: str, left_out: Iterable[str]) -> None:
@@ -461,6 +482,14 @@ def warn_of_kinds(shape: str, left_out: Iterable[str]) -> None:
             f"warning: {shape}: drawn without lines of kind {', '.join(sorted(left_out))}, "
             "which the exemplar did not have; --choice all draws them"
         )
+
+
+def warn_of_all_lines(shape: str) -> None:
+    """Say that a shape is drawn with all lines, because the artist would draw hardly any."""
+    say(
+        f"warning: {shape}: hardly one of its lines is one that the artist would draw; all are "
+        "drawn"
+    )
 
 
 class Written:

@@ -22,6 +22,7 @@ from .animation import (
     is_animation,
     plan_animation,
     sorted_outputs,
+    warn_of_all_lines,
     warn_of_kinds,
 )
 from .batch import Recipe, draw_batch, how_to_run, read_list
@@ -314,10 +315,7 @@ def draw_shape(settings: RenderSettings, job: Job) -> Drawn:
             files += written.files
     warn_of_kinds(job.shape, left_out)
     if kept:
-        say(
-            f"warning: {job.shape}: hardly one of its lines is one that the artist would "
-            "draw; all are drawn"
-        )
+        warn_of_all_lines(job.shape)
     where = ", ".join(told) if len(told) < 4 else f"{told[0]} ... {told[-1]}"
     empty = not len(view.curves)
     note = " (no visible curves from this view: an empty drawing)" if empty else ""

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from .messages import naming
 from .read import read_mesh
+from .repair import centre_and_scale
 from .surface import Cleaned, Surface, clean, measured
-from .triangles import Triangles
+from .triangles import Triangles, row_dot, unit_rows
+
+APART = 1e-3  # of the first frame's size: so far apart in a frame, vertices are not one
+NUDGE = 2e-4  # likewise, what keeps them apart in the first; above what is taken for a crack
+ONE_MESH = "the frames of a sequence are one mesh that deforms, with the same faces"
 
 
 def load_sequence(paths: Sequence[str | Path]) -> list[Surface]:
     """Read the frames of a mesh that deforms: files of one mesh's faces with other vertices.
 
-    The first frame says how all are centred, scaled, mended, cut into triangles and split at
-    creases, and what the thresholds of lines are measured in: faces and vertices are the same in
-    all frames, in the same order, and what keeps still keeps still.
+    The first frame says how all are centred and scaled, mended, cut into triangles and split at
+    creases: faces and vertices are the same in all frames, in the same order, and what keeps still
+    keeps still. What touches in the first frame and parts in a later one is not joined.
 
     Parameters
     ----------
@@ -33,93 +38,156 @@ def load_sequence(paths: Sequence[str | Path]) -> list[Surface]:
         where there are none, where one holds no surface, or has other faces than the first; it
         names the file.
     """
-    return list(read_sequence(paths))
-
-
-def read_sequence(paths: Sequence[str | Path]) -> Iterator[Surface]:
-    """Read the frames of a mesh that deforms one by one, as `load_sequence` does."""
     if not paths:
         raise ValueError("a sequence has 1 frame or more")
     first = read_mesh(paths[0])
-    with _errors_name(paths[0]), naming(paths[0]):
-        cleaned = clean(first.vertices, first.faces, part=first.part, polygon=first.polygon)
-        surface = measured(cleaned, cleaned.vertices, part_names=first.part_names)
-    origin = origins(first, cleaned)
-    yield surface
+    shapes = [first.vertices]
     for path in paths[1:]:
         found = read_mesh(path)
         check_same_faces(path, found, paths[0], first)
-        with _errors_name(path), naming(path):
-            vertices = _moved(found.vertices[origin], cleaned)
-            later = measured(cleaned, vertices, part_names=first.part_names)
-        yield replace(later, feature_size=surface.feature_size)
+        check_finite(path, found)
+        shapes.append(found.vertices)
+    with _blaming(paths[0]):
+        cleaned, origin = clean_sequence(first, shapes)
+    surfaces = []
+    for path, vertices in zip(paths, shapes, strict=True):
+        with _blaming(path):
+            moved = (vertices[origin] - cleaned.centre) / cleaned.scale
+            surfaces.append(measured(cleaned, moved, part_names=first.part_names))
+    return surfaces
 
 
-class _errors_name:
-    """Name a file in the ValueErrors of what is done within."""
-
-    def __init__(self, path: str | Path):
-        self.path = path
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, ValueError):
-            raise ValueError(f"{self.path}: {error}") from None
+@contextlib.contextmanager
+def _blaming(path: str | Path) -> Iterator[None]:
+    """Name a file in the warnings and the ValueErrors of what is done within."""
+    try:
+        with naming(path):
+            yield
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
-def _moved(vertices: np.ndarray, cleaned: Cleaned) -> np.ndarray:
-    """Bring vertices of a file into the frame of a cleaned mesh."""
-    if not np.isfinite(vertices).all():
-        bad = int((~np.isfinite(vertices).all(axis=1)).sum())
-        raise ValueError(f"{bad} of its vertices have coordinates that are not finite numbers")
-    return (vertices - cleaned.centre) / cleaned.scale
+def clean_sequence(first: Triangles, shapes: Sequence[np.ndarray]) -> tuple[Cleaned, np.ndarray]:
+    """Clean the first frame of a sequence, so that what it joins stays together in all.
 
+    Parameters
+    ----------
+    shapes : vertices (V, 3) of each frame, the first one's first
 
-def origins(given: Triangles, cleaned: Cleaned) -> np.ndarray:
-    """Find which vertex of a file each of its cleaned mesh was, (V,) int.
+    Returns
+    -------
+    It, and which vertex of the file each of its vertices was, (V',) int.
 
-    Where several lay at one place, one that the vertex's own face had: bodies that touch in the
-    first frame may part later on.
+    Raises ValueError as `make_surface` does.
     """
-    place = (given.vertices - cleaned.centre) / cleaned.scale
-    own = given.faces[cleaned.kept]
-    origin = np.full(len(cleaned.vertices), -1)
-    nearest = np.full(len(cleaned.vertices), np.inf)
-    for corner in cleaned.faces.T:
-        for candidate in own.T:
-            away = np.abs(place[candidate] - cleaned.vertices[corner]).max(axis=1)
-            better = away < nearest[corner]
-            np.minimum.at(nearest, corner, away)
-            best = better & (away == nearest[corner])
-            origin[corner[best]] = candidate[best]
-    return origin
+    vertices = first.vertices
+    for _ in range(3):  # what is kept apart at one vertex may show what another joins
+        cleaned = clean(vertices, first.faces, part=first.part, polygon=first.polygon)
+        joined = Joined.of(vertices, first.faces, cleaned)
+        parting = joined.parting(shapes, APART * cleaned.scale)
+        if not parting.any():
+            break
+        vertices = nudged(first, parting)
+    return cleaned, joined.origin
 
 
-def check_same_faces(path: str | Path, found: Triangles, first_path: str | Path, first: Triangles):
+class Joined:
+    """Which vertices of a file became which of the cleaned mesh.
+
+    Attributes
+    ----------
+    origin : (V',) int, the vertex that each of the cleaned mesh was: where several lie at one
+        place, one that a face of its own has
+    old, new : (M,) int, vertices of the file, and what they were joined to in the cleaned mesh
+    """
+
+    def __init__(self, origin: np.ndarray, old: np.ndarray, new: np.ndarray):
+        self.origin, self.old, self.new = origin, old, new
+
+    @classmethod
+    def of(cls, vertices: np.ndarray, faces: np.ndarray, cleaned: Cleaned) -> Joined:
+        """Find them by where the corners of the cleaned faces were in the faces of the file."""
+        place = (vertices - cleaned.centre) / cleaned.scale
+        own = faces[cleaned.kept]
+        away = np.stack(
+            [
+                [np.abs(place[c] - cleaned.vertices[corner]).max(axis=1) for c in own.T]
+                for corner in cleaned.faces.T
+            ],
+            axis=1,
+        )  # corner of the file's face, corner of the cleaned one, face
+        nearest = away.argmin(axis=0)
+        old = np.take_along_axis(own.T, nearest, axis=0).ravel()
+        new, gap = cleaned.faces.T.ravel(), away.min(axis=0).ravel()
+        order = np.lexsort((old, gap, new))
+        _, first = np.unique(new[order], return_index=True)
+        origin = np.zeros(len(cleaned.vertices), np.int64)
+        origin[new[order][first]] = old[order][first]
+        near = gap <= NUDGE  # others were stitched on, or lie where another face has its corner
+        pairs = np.unique(np.stack([old[near], new[near]], axis=1), axis=0)
+        return cls(origin, *pairs.T)
+
+    def parting(self, shapes: Sequence[np.ndarray], limit: float) -> np.ndarray:
+        """Find the vertices of the file (V,) bool that are joined to one they part from."""
+        found = np.zeros(len(shapes[0]), bool)
+        beside = self.origin[self.new]
+        old, beside = (a[self.old != beside] for a in (self.old, beside))
+        for vertices in shapes[1:]:
+            apart = np.abs(vertices[old] - vertices[beside]).max(axis=1, initial=0.0) > limit
+            found[old[apart]] = found[beside[apart]] = True
+        return found
+
+
+def nudged(mesh: Triangles, which: np.ndarray) -> np.ndarray:
+    """Move vertices (V,) bool of a mesh a little into their own faces, and to their front."""
+    _, _, size = centre_and_scale(mesh.vertices[np.unique(mesh.faces)])
+    corners = mesh.vertices[mesh.faces]
+    normal = unit_rows(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    inwards, front = np.zeros_like(mesh.vertices), np.zeros_like(mesh.vertices)
+    for corner in range(3):
+        np.add.at(inwards, mesh.faces[:, corner], corners.mean(axis=1) - corners[:, corner])
+        np.add.at(front, mesh.faces[:, corner], normal)
+    step = unit_rows(inwards) + 0.5 * unit_rows(front)
+    step[row_dot(step, step) == 0.0] = 1.0
+    return mesh.vertices + np.where(which[:, None], NUDGE * size * step, 0.0)
+
+
+def check_finite(path: str | Path, mesh: Triangles) -> None:
+    """Raise ValueError, naming the file, unless the vertices of all faces are numbers."""
+    bad = ~np.isfinite(mesh.vertices[np.unique(mesh.faces)]).all(axis=1)
+    if bad.any():
+        raise ValueError(
+            f"{path}: {bad.sum()} of its vertices have coordinates that are not finite numbers"
+        )
+
+
+def check_same_faces(
+    path: str | Path, found: Triangles, first_path: str | Path, first: Triangles
+) -> None:
     """Raise ValueError, naming both files, unless their faces join the same vertices.
 
     A polygon may be cut into other triangles: that goes by its shape, which changes.
     """
-    other = f"the first frame, {first_path}"
-    if len(found.vertices) != len(first.vertices):
-        raise ValueError(
-            f"{path}: has {len(found.vertices)} vertices, {other}, has {len(first.vertices)}: "
-            "the frames of a sequence are one mesh that deforms, with the same faces"
-        )
-    if len(found.faces) != len(first.faces):
-        raise ValueError(
-            f"{path}: has {len(found.faces)} faces, {other}, has {len(first.faces)}: "
-            "the frames of a sequence are one mesh that deforms, with the same faces"
-        )
+    for name, here, there in (
+        ("faces", _count(found), _count(first)),
+        ("vertices", len(found.vertices), len(first.vertices)),
+    ):
+        if here != there:
+            raise ValueError(
+                f"{path}: has {here} {name}, the first frame {first_path} has {there}: {ONE_MESH}"
+            )
     if np.array_equal(found.faces, first.faces):
         return
     if not np.array_equal(_corners(found), _corners(first)):
         raise ValueError(
-            f"{path}: its faces join other vertices than those of {other}: the frames of a "
-            "sequence are one mesh that deforms, with the same faces in the same order"
+            f"{path}: its faces join other vertices than those of the first frame {first_path}: "
+            f"{ONE_MESH} in the same order"
         )
+
+
+def _count(mesh: Triangles) -> int:
+    """How many faces the file has, cut into triangles or not."""
+    return len(mesh.faces) if mesh.polygon is None else int(mesh.polygon.max(initial=-1)) + 1
 
 
 def _corners(mesh: Triangles) -> np.ndarray:

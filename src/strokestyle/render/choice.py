@@ -438,12 +438,17 @@ def _hardly_any(drawn: np.ndarray) -> bool:
 
 def unknown_kinds(view: View, left: View, choice: LineChoice | None) -> list[str]:
     """Name the kinds of line left out of a view as such, and of which the exemplar had none."""
+    gone = np.setdiff1d(view.curves.kind, left.curves.kind)
+    return [KINDS[k] for k in gone if k in never_drawn(choice)]
+
+
+def never_drawn(choice: LineChoice | None) -> list[int]:
+    """List the kinds of line left out as such because the exemplar had none, as KINDS' places."""
     if choice is None or choice.required is None:
         return []
     laws = choice.required
     as_such = laws.weight @ (laws.kinds & np.isposinf(laws.limit)[..., None]).any(axis=1)
-    gone = np.setdiff1d(view.curves.kind, left.curves.kind)
-    return [KINDS[k] for k in gone if as_such[k] > EVEN and not choice.seen[k]]
+    return np.flatnonzero((as_such > EVEN) & ~choice.seen).tolist()
 
 
 def chosen_points(view: View, choice: LineChoice, scale: float = 1.0) -> np.ndarray:
