@@ -55,7 +55,8 @@ from strokestyle.extract.surface_curves import barycentric
 from strokestyle.extract.turntable import fit_turntable_camera
 from strokestyle.geometry.curves import KINDS, arc
 from strokestyle.geometry.kinds import KIND_TABLE
-from strokestyle.mesh.surface import Surface, load_surface, make_surface
+from strokestyle.mesh.sequence import load_sequence
+from strokestyle.mesh.surface import Surface, load_surface
 from strokestyle.svg.read import read_svg
 
 SUBSTEPS = 10
@@ -736,14 +737,22 @@ def sequence_scene(surfaces: Sequence[Surface], camera: Camera) -> Scene:
     def shot(t: float) -> tuple[Surface, Camera]:
         if t not in made:
             a = int(t)
-            one, two = surfaces[a], surfaces[a + 1]
-            mix = one.vertices * (1 - (t - a)) + two.vertices * (t - a)
             if len(made) > len(surfaces) + 2 * SUBSTEPS:
                 made.pop(next(key for key in made if key % 1))
-            made[t] = make_surface(mix, one.faces)
+            made[t] = between(surfaces[a], surfaces[a + 1], t - a)
         return made[t], camera
 
     return Scene(shot, len(surfaces), False)
+
+
+def between(one: Surface, two: Surface, share: float) -> Surface:
+    """A surface on the straight way from one to another; its curvatures are those of the nearer."""
+    mixed = [
+        getattr(one, n) * (1 - share) + getattr(two, n) * share for n in ("vertices", "normals")
+    ]
+    vertices, normals = mixed
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-9)[:, None]
+    return replace(one if share < 0.5 else two, vertices=vertices, normals=normals)
 
 
 def read_frames(folder: Path) -> list[Drawing]:
@@ -822,7 +831,7 @@ def lines_of(report: dict) -> list[str]:
 
 def scene_of(options: argparse.Namespace, meshes: Sequence[str], count: int) -> Scene:
     size = tuple(int(n) for n in options.size.split("x"))
-    surfaces = [load_surface(mesh) for mesh in meshes]
+    surfaces = load_sequence(meshes) if len(meshes) > 1 else [load_surface(meshes[0])]
     if options.path:
         told = json.loads(Path(options.path).read_text())
         told = told["cameras"] if isinstance(told, dict) else told
