@@ -388,17 +388,36 @@ def draw_animation(animation: Animation, style: Style | NeuralStrokesStyle, job:
 
     moving = Moving(job.shape, animation)
     shots = moving.shots()
-    written, strokes = Written(animation, job, len(shots)), 0
+    seen = shots[:: animation.exposure]
+    written = Written(animation, job, len(shots), shots[0].camera)
+    strokes: list[int] = []
     with FrameDisplay() as display, written:
-        drawn = shots[:: animation.exposure]
-        for drawing in drawings(animation, style, moving, drawn, display):
-            written.add(drawing)
-            strokes += len(drawing.strokes)
+        drawn = counted(drawings(animation, style, moving, seen, display), strokes)
+        for text in texts(animation, drawn, written.look):
+            written.add(text)
         written.finish()
     frames = f"{len(shots)} frame{'s' * (len(shots) > 1)}"
-    each = f"{strokes / len(drawn):.0f} strokes each"
+    each = f"{sum(strokes) / len(strokes):.0f} strokes each"
     told = f"{job.shape}: {frames}, {each} -> {written.told()}"
-    return Drawn(told, written.files, strokes, strokes)
+    return Drawn(told, written.files, sum(strokes), sum(strokes))
+
+
+def counted(drawn: Iterable[Drawing], strokes: list[int]) -> Iterator[Drawing]:
+    """Pass on drawings, and note how many strokes each has."""
+    for drawing in drawn:
+        strokes.append(len(drawing.strokes))
+        yield drawing
+
+
+def texts(animation: Animation, drawn: Iterable[Drawing], look: SvgOptions) -> Iterator[str]:
+    """Write drawings as SVG texts: those of a coherent animation all in one encoding."""
+    from ..svg.write import write_frames, write_svg
+
+    if not animation.options.get("still"):
+        yield from write_frames(drawn, look)
+        return
+    for drawing in drawn:
+        yield write_svg(drawing, look)
 
 
 def drawings(
@@ -493,95 +512,77 @@ def warn_of_all_lines(shape: str) -> None:
 
 
 class Written:
-    """The frames and films of an animation as they are written; used as a context."""
+    """The frames and films of an animation as they are written; used as a context.
 
-    def __init__(self, animation: Animation, job: Job, count: int):
+    Attributes
+    ----------
+    files : all that is written already
+    look : how its drawings are written
+    """
+
+    def __init__(self, animation: Animation, job: Job, count: int, camera: Camera):
+        from ..svg.format import SvgOptions
+
         self.animation, self.job, self.count = animation, job, count
+        self.size = camera.width, camera.height
         self.files: list[str] = []
-        self.texture: str | None = None
         self.frame = 0
-        self.resources: contextlib.ExitStack
-        self.pages: list[tuple[Path, FilmPage]]
-        self.pictures: Pictures | None
-
-    @property
-    def title(self) -> str:
-        """The title of drawings and pages."""
-        return self.animation.look.get("title") or Path(self.job.shape).stem
+        look = {"title": Path(job.shape).stem, **animation.look}
+        if animation.transparent:
+            del look["background"]
+        self.look = SvgOptions(**{"description": f"Drawn by strokestyle {__version__}", **look})
+        self.resources = contextlib.ExitStack()
+        self.pages: dict[Path, FilmPage] = {}
+        self.pictures: Pictures | None = None
 
     def __enter__(self) -> Written:
         from ..film.page import FilmPage
         from ..film.pictures import Pictures
 
-        animation, open_here = self.animation, contextlib.ExitStack()
-        self.resources, self.pages, self.pictures = open_here, [], None
-        loop = animation.loops
+        animation, resources = self.animation, self.resources
         for film in animation.films:
             if film.suffix.lower() == ".html":
-                ground = "" if animation.transparent else animation.look.get("background")
-                page = FilmPage(self.title, animation.rate, loop, ground)
-                self.pages.append((film, open_here.enter_context(page)))
+                ground = "" if animation.transparent else self.look.background
+                page = FilmPage(self.look.title, animation.rate, animation.loops, ground)
+                self.pages[film] = resources.enter_context(page)
             elif self.pictures is None:
-                self.pictures = open_here.enter_context(Pictures())
+                self.pictures = resources.enter_context(Pictures())
         return self
 
     def __exit__(self, *error: object) -> None:
         self.resources.close()
 
-    def add(self, drawing: Drawing) -> None:
-        """Write a drawing as all the frames that it is held for, and keep its picture."""
+    def add(self, text: str) -> None:
+        """Write a drawing's SVG as all the frames that it is held for, and keep it for films."""
         from ..batch.plan import numbered_output
-        from ..svg.write import png_from_svg, write_svg
+        from ..svg.write import png_from_svg
 
-        with timed("write the SVG"):
-            text = write_svg(drawing, self.look_of(drawing))
-        held = min(self.animation.exposure, self.count - self.frame)
+        animation = self.animation
+        held = min(animation.exposure, self.count - self.frame)
         for frame in range(self.frame, self.frame + held):
-            if self.animation.frames:
+            if animation.frames:
                 output = numbered_output(self.job.output, frame, self.count)
                 write_svg_text(output, text)
                 self.files.append(output)
-                if self.animation.preview:
-                    self.files.append(write_preview(output, text, self.animation.scale))
+                if animation.preview:
+                    self.files.append(write_preview(output, text, animation.scale))
         self.frame += held
-        for _, page in self.pages:
-            page.add(text, drawing.size, held)
+        for page in self.pages.values():
+            page.add(text, self.size, held)
         if self.pictures is not None:
             with timed("picture"):
-                background = None if self.animation.transparent else "#ffffff"
-                self.pictures.add(png_from_svg(text, self.animation.scale, background), held)
-
-    def look_of(self, drawing: Drawing) -> SvgOptions:
-        """How a drawing is written: all with the texture of the first that has one."""
-        from ..svg.format import SvgOptions
-        from ..svg.write import resolve_texture
-
-        look = dict(self.animation.look)
-        if self.animation.transparent:
-            del look["background"]
-        made_by = {
-            "title": self.title,
-            "description": f"Drawn by strokestyle {__version__}",
-        }
-        options = SvgOptions(**{**made_by, **look})
-        if self.texture is None:
-            options = resolve_texture(drawing, options)
-            if drawing.texture is not None:
-                self.texture = options.texture
-            return options
-        from dataclasses import replace
-
-        return replace(options, texture=self.texture)
+                background = None if animation.transparent else "#ffffff"
+                self.pictures.add(png_from_svg(text, animation.scale, background), held)
 
     def finish(self) -> None:
         """Write the films."""
         from ..film.films import write_film
 
-        animation, pages = self.animation, dict(self.pages)
+        animation = self.animation
         for film in animation.films:
             with timed(f"write {film}"):
-                if film in pages:
-                    pages[film].write(film)
+                if film in self.pages:
+                    self.pages[film].write(film)
                 elif self.pictures is not None:
                     write_film(film, self.pictures, animation.rate, animation.transparent)
             self.files.append(str(film))

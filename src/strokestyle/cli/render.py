@@ -186,7 +186,7 @@ def render(
     if look.get("background") == NOTHING and not (animated and not stages):
         del look["background"]
     listed, animation = read_list(shapes), None
-    target = output or os.path.join(stages or os.curdir, "")
+    target = output or (str(films[0]) if films else os.path.join(str(stages), ""))
     if animated and not stages:
         batch, sequence = plan_animation(listed, output, films, mirror, options)
         written = output is not None, films
