@@ -292,3 +292,29 @@ def test_pieces_on_named_parts_keep_their_names_where_one_appears_before_them():
         {"0": "body", "0.1": "wheel", "0.2": "body"},
     ]
     assert drawings[1].texture.opacities.shape == (2, 256)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_beginning_is_laid_where_a_hand_begins_and_its_upper_side_above(turn):
+    bank = a_grain()
+    rgba = bank.rgba.copy()
+    rgba[..., 3] = np.linspace(30, 220, rgba.shape[1])  # darker where v > 0: below, to the right
+    for a, b in zip(bank.offsets[:-1], bank.offsets[1:], strict=True):
+        rgba[a : a + 24, :, 3] = 250
+        rgba[b - 24 : b, :, 3] = 5
+    style = a_hand(**PLAIN, bank=replace(bank, rgba=rgba))
+    line = straight(30, 160, 90)[::turn]
+    strip = stroke(drawn(style, [a_frame(style, a_line(0, line))])[0], "0")[1][::turn, ::turn, 3]
+    assert strip[:12].mean() > 200 and strip[-12:].mean() < 50
+    across = strip[80:200].mean(axis=0)
+    assert (np.diff(across) > 0).all() and across[-1] > 2 * across[0]
+
+
+def test_what_auto_means_is_decided_once():
+    style = a_hand()
+    smooth = replace(a_grain(), rgba=np.full_like(a_grain().rgba, 128))
+    frame = a_frame(style, a_line(0, straight(30, 160, 90)))
+    grain, even = drawn(style, [frame])[0], drawn(replace(style, bank=smooth), [frame])[0]
+    for first, then, texture in ((grain, even, "vector"), (even, grain, "image")):
+        texts = list(write_frames([first, then]))
+        assert [f"texture={texture}" in text for text in texts] == [True, True]

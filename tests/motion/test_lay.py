@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from strokestyle.motion.lay import between, kinds_of_tracks, steady_ranges, visible_stretches
+from strokestyle.motion.chance import Luck, TrackChance
+from strokestyle.motion.lay import (
+    between,
+    kinds_of_tracks,
+    lay_frame,
+    steady_ranges,
+    visible_stretches,
+)
+from strokestyle.render.overshoots import Overshoots
 from strokestyle.render.style import MIN_VISIBLE, trim_invisible_ends
 from tests.motion.moving import SIZE, a_frame, a_hand, a_line, straight
 
@@ -73,3 +81,15 @@ def test_a_frame_says_which_of_its_arrays_does_not_fit():
     frame = a_frame(a_hand(), a_line(1, straight(0, SIZE, 9)))
     with pytest.raises(ValueError, match="Frame.place must have shape"):
         replace(frame, place=frame.place[1:])
+
+
+def test_places_of_ends_that_were_moved_are_those_of_where_they_are():
+    past = np.array([4.4, 7.7, -5.2, 10.1], np.float32)
+    style = a_hand(overshoots=Overshoots(past, past), residuals=None)
+    lines = [a_line(track, straight(30, 150, 20 + 20 * track), 17.0) for track in range(6)]
+    chance = TrackChance(Luck(2), style.config.spacing)
+    laid = lay_frame(style, a_frame(style, *lines), 0, dict.fromkeys(range(6), 0), None, chance)
+    assert np.allclose(laid.place, laid.strokes.xy[:, 0] - 30 + 17)
+    begins = laid.strokes.xy[laid.strokes.offsets[:-1], 0]
+    assert len(set(np.round(30 - begins, 1))) > 1
+    assert set(np.round(30 - begins, 1)) <= set(np.round(past.astype(float), 1))
