@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from .. import __version__
-from . import edit, extract, fit, render, view
+from . import edit, extract, fit, render, report, view
 from .messages import describe, say
 
 
@@ -45,13 +45,14 @@ def main() -> None:
     strokestyle render model.pt other.obj -o out.svg  draw with it
     strokestyle edit out.svg -o new.svg --wiggle 3,40 change the drawing
     strokestyle view out.svg -o page.html             look at it and play with it
+    strokestyle report drawings/ -o report.html       see what became of many
 
     A shape is a mesh (obj, ply, stl, off, glb, 3mf, dae, step, ...), or a view saved by
     extract (.npz).
     """
 
 
-for command in (extract.extract, fit.fit, render.render, edit.edit, view.view):
+for command in (extract.extract, fit.fit, render.render, edit.edit, view.view, report.report):
     main.add_command(command)
 
 

@@ -322,13 +322,26 @@ def _curve_items(
     return items
 
 
-def png_from_svg(text: str, scale: float = 1.0, background: str | None = "#ffffff") -> bytes:
-    """Draw SVG text as PNG bytes at `scale` px a px, by resvg.
+def png_from_svg(
+    text: str,
+    scale: float = 1.0,
+    background: str | None = "#ffffff",
+    within: int | None = None,
+) -> bytes:
+    """Draw SVG text as PNG bytes at `scale` px a px, by resvg; or as large as fits `within` px.
 
     Raises ValueError where resvg cannot read the text.
     """
+    zoom = scale if within is None else None
     return bytes(
-        resvg_py.svg_to_bytes(svg_string=text, background=background, zoom=scale, dpi=96.0)
+        resvg_py.svg_to_bytes(
+            svg_string=text,
+            background=background,
+            zoom=zoom,
+            width=within,
+            height=within,
+            dpi=96.0,
+        )
     )
 
 
