@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import subprocess
 import sys
@@ -33,6 +34,17 @@ def _told_by_ps(process: int) -> int | None:
     command = ["ps", "-o", "rss=", "-p", str(process)]
     told = subprocess.run(command, capture_output=True, timeout=5, check=True).stdout
     return int(told) * 1024
+
+
+def give_back() -> None:
+    """Give freed memory back to the system, where its allocator would keep it (glibc).
+
+    Else a worker keeps what its largest shapes took, in pieces, and grows over hundreds of them.
+    It takes some milliseconds.
+    """
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, AttributeError):  # another C library
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def forget_peak() -> None:

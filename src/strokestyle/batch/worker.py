@@ -19,7 +19,7 @@ from dataclasses import replace
 from types import FrameType
 from typing import Any, BinaryIO
 
-from .memory import forget_peak, peak, resident
+from .memory import forget_peak, give_back, peak, resident
 from .outcome import Outcome
 from .plan import Job
 
@@ -68,7 +68,8 @@ def _work(inbox: queue.SimpleQueue[Any], answers: BinaryIO) -> None:
         forget_peak()
         outcome = draw(job)
         outcome = replace(outcome, memory_mb=peak(), worker=str(os.getpid()))
-        _send(answers, (outcome, resident(os.getpid())))
+        give_back()
+        _send(answers, (outcome, None))
 
 
 def _take_pipes() -> tuple[BinaryIO, BinaryIO]:

@@ -52,7 +52,7 @@ def numbers(values: np.ndarray, decimals: int) -> list[str]:
     return [_units_text(value, decimals) for value in values.ravel().tolist()]
 
 
-@functools.lru_cache(maxsize=1 << 17)
+@functools.lru_cache(maxsize=1 << 14)  # full after some ten drawings: no more memory from then on
 def _units_text(value: int, decimals: int) -> str:
     return number(
         value / 10**decimals, decimals
