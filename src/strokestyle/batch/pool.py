@@ -23,7 +23,7 @@ from .worker import PATIENCE, READY, REFUSED, command
 Prepare = Callable[[], Callable[[Job], Outcome]]
 
 ATTEMPTS = 3  # at a shape over which workers die
-STARTS = 5  # workers one after the other that die before they can begin
+STARTS = 3  # workers one after the other that die before they can begin
 LOOK = 0.05  # seconds from one look at the workers' memory to the next
 REST = 0.5  # seconds that the parent waits at the most, so that it hears of Ctrl-C on Windows
 

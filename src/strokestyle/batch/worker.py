@@ -90,9 +90,16 @@ def _receive(orders: BinaryIO, inbox: queue.SimpleQueue[Any], stopping: threadin
     except (EOFError, OSError, pickle.UnpicklingError):
         stopping.set()
         inbox.put(None)
-        _thread.interrupt_main()  # half-written files are removed on the way out
+        _interrupt_main()  # half-written files are removed on the way out
         time.sleep(PATIENCE)
         os._exit(1)
+
+
+def _interrupt_main() -> None:
+    if hasattr(signal, "pthread_kill"):  # a system call that waits is interrupted as well
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        _thread.interrupt_main()
 
 
 def _send(answers: BinaryIO, message: Any) -> None:
