@@ -109,6 +109,8 @@ class SeenLines:
     curves : N points, as those of the view
     optional : (C,) bool, as that of the view
     strength : (N,), as that of the view
+    kind : (N,) int8, index into KINDS, of the line that each point comes from; the lines of several
+        kinds may be joined in one curve
     face : (N,) int, the face that each point comes from
     point : (N, 3), where in space that is; tidied, a point lies a little off it
     part_face : (N,) int, the face whose part a point belongs to, or None where all is one part
@@ -118,6 +120,7 @@ class SeenLines:
     curves: Curves
     optional: np.ndarray
     strength: np.ndarray
+    kind: np.ndarray
     face: np.ndarray
     point: np.ndarray
     part_face: np.ndarray | None
@@ -144,6 +147,7 @@ def see_lines(
     assert fragments.point is not None  # `look_along` tells it
     seen = _tidied(lines.surface, camera, fragments, spacing)
     face, point = fragments.face[seen.source], fragments.point[seen.source]
+    kind = fragments.curves.kind[owner(fragments.curves.offsets)][seen.source]
     more = OptionalLines.none()
     if optional:
         more = optional_lines(lines, camera, fragments, seen.strokes, spacing)
@@ -152,6 +156,7 @@ def see_lines(
         curves,
         np.arange(len(curves)) >= len(seen.curves),
         np.r_[seen.strength, more.strength],
+        np.r_[kind, np.repeat(more.curves.kind, np.diff(more.curves.offsets))],
         np.r_[face, more.face],
         np.concatenate([point, more.point]),
         None if seen.faces is None else np.r_[seen.faces, more.face],

@@ -28,6 +28,7 @@ class Candidates:
     lines : the lines of its surface
     planned : strokes of N points, px of the style's canvas, that end where their curves do
     places : of their points
+    kind : (N,) int8, of the line that each point comes from
     part_face : (N,) int, the face whose part each point belongs to, or None where all is one part
     seen : all that is seen of the lines, before the style chose among them
     scale : how many px of the canvas one of the style's is
@@ -37,6 +38,7 @@ class Candidates:
     lines: SurfaceLines
     planned: Planned
     places: Places
+    kind: np.ndarray
     part_face: np.ndarray | None
     seen: SeenLines
     scale: float
@@ -72,7 +74,7 @@ def _plan(shot: Shot, lines: SurfaceLines, style: Style, seen: SeenLines) -> Can
     row = rows[near]
     places = Places.of(shot, seen.face[row], seen.point[row], planned.xy * scale)
     part_face = None if seen.part_face is None else seen.part_face[row]
-    return Candidates(shot, lines, planned, places, part_face, seen, scale)
+    return Candidates(shot, lines, planned, places, seen.kind[row], part_face, seen, scale)
 
 
 def _drawn(

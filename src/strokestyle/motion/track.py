@@ -1,22 +1,36 @@
-"""Strokes that persist: from shots to frames whose strokes have names, and places along them."""
+"""Strokes that persist: from shots to frames whose strokes have names, and places along them.
+
+1. The strokes that a style would draw of each shot by itself (`candidates`) are cut into stretches
+   of lines that were there before, or begin (`labels`, `sheets`, `follow`).
+2. Of each stretch of each line it is decided when it is drawn, over all frames (`persist`).
+3. What is drawn is cut into strokes, whose names last (`strokes`), which grow in and taper off
+   (`growth`), whose points have places along them (`anchor`), and which are laid evenly
+   (`compose`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..extract.line_options import LineOptions
-from ..extract.pipeline import parts_of_faces
-from ..geometry.curves import DEFAULT_SPACING, arc_length, owner
+from ..geometry.curves import DEFAULT_SPACING
+from ..geometry.kinds import KINDS
 from ..render.style import Style
-from .candidates import Candidates, candidates
+from .anchor import anchor
+from .candidates import candidates
+from .compose import Composed, make_frame, smoothed
+from .follow import Follower
 from .frames import Frame, Shot
-from .reading import read_surface, surface_scale
-from .run_on import run_on
+from .growth import Grown, grow
+from .persist import decide
+from .sheets import Points
+from .strokes import Stroke, name_strokes
 
-REACH = 10.0  # px of the style's canvas within which a stroke is looked for in the next frame
+SAME = 3.0  # px between points that are the same
 
 
 def track_frames(
@@ -39,61 +53,60 @@ def track_frames(
     loop : the last frame goes over into the first, as on a turntable
     """
     found = list(candidates(shots, style, options, spacing, optional))
-    frames: list[Frame] = []
-    track, place = np.zeros(0, np.int64), np.zeros(0)
-    fresh = 0
-    for i, here in enumerate(found):
-        count = len(here.planned)
-        before = (found[i - 1], track, place) if i else None
-        track, place = _named(here, before, fresh)
-        fresh = max(fresh, int(track.max(initial=-1)) + 1) if count else fresh
-        frames.append(_frame(here, style, track, place))
-    return frames
+    follower = Follower()
+    if loop:  # so that the first frame knows what was there in the last
+        for here in found:
+            follower.step(here)
+    frames = [follower.step(here) for here in found]
+    seam = _as_on_sheets_of(follower.step(found[0]), frames[0]) if loop and found else None
+    fates = decide(frames, loop)
+    strokes = name_strokes(frames, fates, seam)
+    kinds = _kinds(frames, strokes)
+    lines = [
+        [smoothed(points, stroke.rows) for stroke in some]
+        for points, some in zip(frames, strokes, strict=True)
+    ]
+    places = anchor(strokes, lines, seam)
+    out = []
+    for t, some in enumerate(grow(strokes, fates, loop)):
+        number = {stroke.track: k for k, stroke in enumerate(strokes[t])}
+        laid = [_laid(one, strokes[t], lines[t], places[t], number, kinds, style) for one in some]
+        out.append(make_frame(found[t], style, frames[t], laid))
+    return out
 
 
-def _named(
-    here: Candidates, before: tuple[Candidates, np.ndarray, np.ndarray] | None, fresh: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Give strokes the names of those that they continue, and places along them."""
-    offsets = here.planned.offsets
-    place, stroke = arc_length(here.planned.xy, offsets), owner(offsets)
-    count = len(here.planned)
-    track = np.full(count, -1)
-    if before is not None and count and len(before[0].planned):
-        old, names, old_place = before
-        xy = old.places.seen(here.shot)[0] / here.scale
-        away, row = cKDTree(xy).query(here.planned.xy, distance_upper_bound=REACH)
-        near = np.flatnonzero(away < np.inf)
-        of_old = owner(old.planned.offsets)[row[near]]
-        pair, votes = np.unique(stroke[near] * len(names) + of_old, return_counts=True)
-        for k in np.argsort(-votes, kind="stable"):
-            new, was = divmod(int(pair[k]), len(names))
-            if track[new] < 0 and names[was] not in track:
-                track[new] = names[was]
-                rows = near[(stroke[near] == new) & (of_old == was)]
-                shift = np.median(old_place[row[np.isin(np.arange(len(row)), rows)]] - place[rows])
-                place[stroke == new] += shift
-    free = track < 0
-    track[free] = fresh + np.arange(free.sum())
-    return track, place
+def _laid(
+    one: Grown,
+    strokes: list[Stroke],
+    lines: list[np.ndarray],
+    places: list[np.ndarray],
+    number: dict[int, int],
+    kinds: dict[int, int],
+    style: Style,
+) -> Composed:
+    """Lay a stroke as far as it has grown, of the whole strokes of its frame."""
+    k = number[one.stroke.track]
+    kept = np.isin(strokes[k].rows, one.stroke.rows)
+    kind = kinds[one.stroke.track]
+    return Composed.of(one, lines[k][kept], places[k][kept], kind, style.config.spacing)
 
 
-def _frame(here: Candidates, style: Style, track: np.ndarray, place: np.ndarray) -> Frame:
-    """Let strokes run on past their ends, and read off what the style asks of their points."""
-    spacing = style.config.spacing
-    planned, rows, past = run_on(here.planned, style.config.max_overshoot, spacing)
-    scale = surface_scale(here.shot, here.lines.bvh)
-    surface = read_surface(here.shot, here.lines.bvh, here.planned, here.places, scale, spacing)
-    parts = None
-    if here.part_face is not None:
-        depth = here.places.seen(here.shot)[1]
-        parts = parts_of_faces(here.shot.surface, here.part_face, depth).take(rows)
-    return Frame(
-        here.shot.camera,
-        planned,
-        surface[rows],
-        track,
-        place[rows] + past,
-        np.ones(len(rows)),
-        parts,
-    )
+def _kinds(frames: list[Points], strokes: list[list[Stroke]]) -> dict[int, int]:
+    """Choose the kind of each track: that of most of its points in all frames."""
+    count: dict[int, np.ndarray] = {}
+    for points, some in zip(frames, strokes, strict=True):
+        for stroke in some:
+            votes = np.bincount(points.kind[stroke.rows], minlength=len(KINDS))
+            count[stroke.track] = count.get(stroke.track, 0) + votes
+    return {track: int(votes.argmax()) for track, votes in count.items()}
+
+
+def _as_on_sheets_of(other: Points, points: Points) -> Points:
+    """Name points as on the sheets of the same frame's `other` points; -1 where there is none."""
+    if not len(other) or not len(points):
+        return replace(points, sheet=np.full(len(points), -1))
+    away, row = cKDTree(other.xy).query(points.xy, distance_upper_bound=SAME)
+    near = away < np.inf
+    row = np.where(near, row, 0)
+    sheet, along = np.where(near, other.sheet[row], -1), other.along[row]
+    return replace(points, sheet=sheet, along=along)
