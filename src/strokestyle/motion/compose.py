@@ -17,6 +17,7 @@ from .growth import Grown
 from .reading import read_surface, surface_scale
 from .run_on import run_on
 from .sheets import PLANNED, Points
+from .strokes import Stroke
 
 SMOOTH = 2.0  # points, where a line is not that of a planned stroke
 SEAM = 4  # points from there
@@ -58,15 +59,23 @@ class Composed:
 
     @classmethod
     def of(
-        cls, one: Grown, xy: np.ndarray, place: np.ndarray, kind: int, spacing: float
+        cls,
+        stroke: Stroke,
+        grown: Grown,
+        xy: np.ndarray,
+        place: np.ndarray,
+        kind: int,
+        spacing: float,
     ) -> Composed:
         """Space the points of a stroke evenly; xy (n, 2) and place (n,) are those of its points."""
+        kept = grown.rows
+        xy, place = xy[kept], place[kept]
         s = arc(xy)
         at = np.linspace(0.0, s[-1], max(round(s[-1] / spacing), 1) + 1)
         nearest = np.rint(np.interp(at, s, np.arange(len(s)))).astype(np.int64)
         even = np.stack([np.interp(at, s, xy[:, k]) for k in (0, 1)], axis=1)
-        values = (np.interp(at, s, value) for value in (place, one.presence))
-        return cls(one.stroke.track, kind, even, one.stroke.rows[nearest], *values)
+        values = (np.interp(at, s, value) for value in (place, grown.presence))
+        return cls(stroke.track, kind, even, stroke.rows[kept][nearest], *values)
 
 
 def make_frame(here: Candidates, style: Style, points: Points, strokes: list[Composed]) -> Frame:

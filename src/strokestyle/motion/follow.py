@@ -30,22 +30,18 @@ class Follower:
         may = old.take(old.seen | (old.age <= FRESH))
         runs = label_strokes(here, may, self.period, self._begin)
         found = found_points(here, runs, before)
-        self.points = Points.concatenate([found, left_over(here, old, found, moves)])
-        self.before = here
-        return self.points
+        points = Points.concatenate([found, left_over(here, old, found, moves)])
+        self.points, self.before = points, here
+        return points
 
     def _is_cut(self, old: Points, here: Candidates) -> bool:
         """Tell whether lines jump so far that this is another scene."""
-        if not len(old) or self.before is None:
+        if self.before is None or not old.seen.any():
             return False
         was = old.places.seen(self.before.shot)[0] / here.scale
-        seen = old.seen
-        if not seen.any():
-            return False
-        moved = np.median(np.hypot(*(old.xy - was)[seen].T))
-        return bool(
-            moved > JUMP * max(here.shot.camera.width, here.shot.camera.height) / here.scale
-        )
+        moved = np.median(np.hypot(*(old.xy - was)[old.seen].T))
+        size = max(here.shot.camera.width, here.shot.camera.height) / here.scale
+        return bool(moved > JUMP * size)
 
     def _begin(self, period: float) -> int:
         """Begin a sheet; a closed one has a `period` above 0."""

@@ -15,7 +15,7 @@ from ..mesh.triangles import row_dot
 from ..render.plan import PULL
 from .candidates import Candidates
 from .fit import fitted
-from .sheets import FIXED_KINDS, Points, Run
+from .sheets import FIXED_KINDS, Points, Run, extents
 
 REACH = 10.0  # px of the style's canvas between a line and where the surface carried it
 NEIGHBOURS = 16  # points of sheets that are looked at for each of a stroke
@@ -91,7 +91,10 @@ def label_strokes(
     period : of sheets that are closed
     begin : makes a sheet, told its length where it is closed and 0 where not
     """
-    matches, extent = find_matches(here, old), _extents(old)
+    matches, extent = (
+        find_matches(here, old),
+        extents(old.take((old.age <= 1) | is_kind(old.kind, FIXED_KINDS))),
+    )
     runs_found: list[Run] = []
     homeless: list[_Piece] = []
     claims: list[tuple[int, Run]] = []
@@ -175,17 +178,6 @@ def _alike(here: Candidates, old: Points, row: np.ndarray, at: np.ndarray) -> np
     size = np.maximum(np.hypot(*one.T) * np.hypot(*two.T), 1e-9)
     contour = is_kind(here.kind, ("contour",))[row] & is_kind(old.kind, ("contour",))[at]
     return good & (~contour | (row_dot(one, two) > FACING * size))
-
-
-def _extents(old: Points) -> dict[int, tuple[float, float]]:
-    """Find how far along each sheet reaches."""
-    if not len(old):
-        return {}
-    start = runs(old.sheet)
-    low = np.minimum.reduceat(old.along, start[:-1])
-    high = np.maximum.reduceat(old.along, start[:-1])
-    sheets = old.sheet[start[:-1]].tolist()
-    return dict(zip(sheets, zip(low.tolist(), high.tolist(), strict=True), strict=True))
 
 
 def _pieces(
@@ -275,17 +267,17 @@ def _taken_along(
         after = kind[r + 1] if r + 1 < len(kind) else none
         if before == after != none and s[j] - s[i - 1] <= BRIDGE:
             out[i:j] = before
-        elif before != none and _ends(along[:i, before], extent[int(sheets[before])], -1):
+        elif before != none and _ends(along[:i, before], extent.get(int(sheets[before])), -1):
             out[i:j] = before
-        elif after != none and _ends(along[j:, after], extent[int(sheets[after])], 0):
+        elif after != none and _ends(along[j:, after], extent.get(int(sheets[after])), 0):
             out[i:j] = after
     return out
 
 
-def _ends(along: np.ndarray, extent: tuple[float, float], side: int) -> bool:
+def _ends(along: np.ndarray, extent: tuple[float, float] | None, side: int) -> bool:
     """Tell whether a sheet ends where a stretch of it (n,) does: with its last point, or first."""
     known = along[np.isfinite(along)]
-    if len(known) < 2:
+    if len(known) < 2 or extent is None:
         return False
     rising = np.median(np.diff(known)) > 0
     outward = rising if side else not rising

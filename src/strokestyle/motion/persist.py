@@ -42,15 +42,15 @@ class Fate:
     vanishes: np.ndarray
 
 
-def decide(frames: list[Points], loop: bool) -> list[Fate]:
-    """Decide what is drawn of all frames' points; `loop` where the last goes over to the first."""
+def decide(frames: list[Points]) -> list[Fate]:
+    """Decide what is drawn of all frames' points."""
     sheets, pieces = _pieces(frames)
     fates = [Fate(*np.zeros((3, len(points)), bool)) for points in frames]
     size = max(1, CELLS // max(len(frames), 1))
     for group in _groups(pieces, size):
         rows = [np.flatnonzero(np.isin(points.sheet, sheets[group])) for points in frames]
         some = [points.take(row) for points, row in zip(frames, rows, strict=True)]
-        for fate, row, now in zip(fates, rows, _decide_some(some, loop), strict=True):
+        for fate, row, now in zip(fates, rows, _decide_some(some), strict=True):
             for name in ("drawn", "appears", "vanishes"):
                 getattr(fate, name)[row] = getattr(now, name)
     return fates
@@ -121,7 +121,7 @@ def _rise(frames: list[Points], sheets: np.ndarray) -> np.ndarray:
     return np.clip(rise / np.maximum(length, 1e-9), 0.02, 50.0)
 
 
-def _decide_some(frames: list[Points], loop: bool) -> list[Fate]:
+def _decide_some(frames: list[Points]) -> list[Fate]:
     """Decide what is drawn of the points of some sheets."""
     grid = _Grid.of(frames)
     number = [grid.number(points) for points in frames]
@@ -130,9 +130,9 @@ def _decide_some(frames: list[Points], loop: bool) -> list[Fate]:
     state = np.full((len(frames), total), ABSENT, np.int8)
     for t, points in enumerate(frames):
         _fill(points, number[t], reason[t], state[t])
-    drawn = _least_against(_blurred(reason, state), state, loop)
+    drawn = _viterbi(_blurred(reason, state), state)
     drawn = _whole(drawn, state)
-    return [_fate(points, number[t], drawn, state, t, loop) for t, points in enumerate(frames)]
+    return [_fate(points, number[t], drawn, state, t) for t, points in enumerate(frames)]
 
 
 def _fill(points: Points, number: np.ndarray, reason: np.ndarray, state: np.ndarray) -> None:
@@ -162,14 +162,6 @@ def _blurred(reason: np.ndarray, state: np.ndarray) -> np.ndarray:
         total += w * np.roll(reason * shown, shift, axis=1)
         weight += w * np.roll(shown, shift, axis=1)
     return np.where(shown > 0, total / np.maximum(weight, 1e-9), 0.0)
-
-
-def _least_against(reason: np.ndarray, state: np.ndarray, loop: bool) -> np.ndarray:
-    """Choose the states (T, B) bool that go against the least; on a loop, of the middle lap."""
-    if loop:
-        laps = [np.concatenate([value] * 3) for value in (reason, state)]
-        return _viterbi(*laps)[len(reason) : 2 * len(reason)]
-    return _viterbi(reason, state)
 
 
 def _viterbi(reason: np.ndarray, state: np.ndarray) -> np.ndarray:
@@ -204,15 +196,11 @@ def _whole(drawn: np.ndarray, state: np.ndarray) -> np.ndarray:
     return left & (state == SHOWN)
 
 
-def _fate(
-    points: Points, number: np.ndarray, drawn: np.ndarray, state: np.ndarray, t: int, loop: bool
-) -> Fate:
+def _fate(points: Points, number: np.ndarray, drawn: np.ndarray, state: np.ndarray, t: int) -> Fate:
     """Tell what becomes of the points of frame t."""
     count = len(drawn)
     here = drawn[t, number] & points.seen
     before, after = t - 1, t + 1
-    if loop:
-        before, after = before % count, after % count
     no = np.zeros(len(points), bool)
     appears = vanishes = no
     if 0 <= before < count:

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from ..extract.eye import towards
 from ..extract.rays import Bvh
 from ..extract.view_curvature import closed_from
-from ..geometry.curves import is_kind, tangents
+from ..geometry.curves import is_kind, runs, tangents
 from ..mesh.triangles import row_dot
 from .candidates import Candidates
 from .frames import Shot
@@ -51,6 +51,7 @@ class Points:
     new : (P,) bool, the sheet was not there in the frame before, though one saw the surface
     age : (P,) int, frames since a line was found there
     part_face : (P,) int, the face whose part a point belongs to
+    row : (P,) int, the point of the planned strokes that it is; -1 for none
     """
 
     sheet: np.ndarray
@@ -64,6 +65,7 @@ class Points:
     new: np.ndarray
     age: np.ndarray
     part_face: np.ndarray
+    row: np.ndarray
 
     def __len__(self) -> int:
         return len(self.sheet)
@@ -85,7 +87,7 @@ class Points:
         """Make no points."""
         no, flag, flat = np.zeros(0, np.int64), np.zeros(0, bool), np.zeros((0, 2))
         nowhere = Places(no, np.zeros((0, 3)), flat)
-        return cls(no, np.zeros(0), nowhere, flat, no, no, flag, flag, flag, no, no)
+        return cls(no, np.zeros(0), nowhere, flat, no, no, flag, flag, flag, no, no, no)
 
     @property
     def follows(self) -> np.ndarray:
@@ -103,7 +105,7 @@ class Points:
 
 
 _ARRAYS = (
-    "sheet", "along", "xy", "kind", "support", "seen", "covered", "new", "age", "part_face"
+    "sheet", "along", "xy", "kind", "support", "seen", "covered", "new", "age", "part_face", "row"
 )  # fmt: skip
 
 
@@ -123,6 +125,17 @@ class Run:
     sheet: int
     along: np.ndarray
     known: np.ndarray
+
+
+def extents(points: Points) -> dict[int, tuple[float, float]]:
+    """Find from where to where along each sheet its points reach."""
+    if not len(points):
+        return {}
+    start = runs(points.sheet)
+    low = np.minimum.reduceat(points.along, start[:-1])
+    high = np.maximum.reduceat(points.along, start[:-1])
+    sheets = points.sheet[start[:-1]].tolist()
+    return dict(zip(sheets, zip(low.tolist(), high.tolist(), strict=True), strict=True))
 
 
 def carried(old: Points, shot: Shot, scale: float) -> Points:
@@ -150,7 +163,7 @@ def found_points(here: Candidates, runs: list[Run], before: Candidates | None) -
     xy, kind, yes = here.planned.xy[rows], here.kind[rows], ~no
     return Points(
         sheet, along, places, xy, kind, np.full(count, PLANNED), yes, no, new,
-        np.zeros(count, np.int64), part,
+        np.zeros(count, np.int64), part, rows,
     )  # fmt: skip
 
 
@@ -185,9 +198,11 @@ def left_over(here: Candidates, old: Points, found: Points, moves: bool) -> Poin
     places = Places(face, bary, offset)
     xy = places.seen(here.shot)[0] / here.scale
     no = np.zeros(len(old), bool)
+    nowhere = np.full(len(old), -1)
     left = replace(
-        old, places=places, xy=xy, support=support, seen=seen, covered=near & seen, new=no, age=age
-    )
+        old, places=places, xy=xy, support=support, seen=seen, covered=near & seen, new=no, age=age,
+        row=nowhere,
+    )  # fmt: skip
     return left.take(kept)
 
 

@@ -1,18 +1,31 @@
-"""Cut strokes out of what is drawn of sheets, and give them names that last."""
+"""Cut strokes out of what is drawn of sheets, join them end to end, and give them names that last.
+
+Where one planned stroke runs from sheet to sheet, or is cut between them, it does so by thresholds,
+which lines pass from frame to frame. So whether two ends that meet are drawn in one stroke is
+decided over time, like what is drawn: against the least of the plans, where a change costs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ..geometry.curves import arc
+from ..render.plan import heading
 from .persist import Fate
-from .sheets import Points
+from .sheets import GAP, Points
 
 SHORTEST = 8.0  # px of a stroke
-BOTH = 24.0  # px of each of two strokes that stay two where the gap between them closes
+MEETING = 13.0  # px between ends that may be drawn through
+BEND = np.cos(np.radians(50.0))  # between the headings of such ends, where no plan says so
+SPAN = 4  # points over which a heading is measured
+CHANGE = 2.5  # frames
+FORGET = 4  # frames after which what was joined is decided anew
+REPEATED = 0.5  # px; nearer points of a stroke are one
 
 
 @dataclass(frozen=True)
@@ -22,158 +35,248 @@ class Stroke:
     Parameters
     ----------
     track : int, its name
-    rows : (n,) int, its points among those of the frame, along its sheet
-    sheet : int
-    along : (n,), their coordinates on the sheet
+    rows : (n,) int, its points among those of the frame, in the order in which it is drawn
+    sheet, along : (n,), where on which sheet they lie
     """
 
     track: int
     rows: np.ndarray
-    sheet: int
+    sheet: np.ndarray
     along: np.ndarray
 
-    @property
-    def low(self) -> float:
-        return float(self.along[0])
+    def turned(self) -> Stroke:
+        """Draw it the other way round."""
+        return replace(self, rows=self.rows[::-1], sheet=self.sheet[::-1], along=self.along[::-1])
 
-    @property
-    def high(self) -> float:
-        return float(self.along[-1])
+    def stretches(self) -> dict[int, tuple[float, float, int]]:
+        """List its sheets: from where to where it lies on each, and 1 or -1 as that rises."""
+        out = {}
+        for sheet in dict.fromkeys(self.sheet.tolist()):
+            along = self.along[self.sheet == sheet]
+            out[sheet] = (along.min(), along.max(), 1 if along[-1] >= along[0] else -1)
+        return out
 
-    def within(self, low: float, high: float) -> Stroke:
-        """Cut it down to where its coordinate lies between two."""
-        keep = (self.along >= low) & (self.along <= high)
-        return replace(self, rows=self.rows[keep], along=self.along[keep])
+
+class _End(NamedTuple):
+    """An end of a stretch: which stretch, and 0 for its beginning or -1."""
+
+    stretch: int
+    side: int
 
 
-def name_strokes(
-    frames: list[Points], fates: list[Fate], seam: Points | None = None
-) -> list[list[Stroke]]:
-    """Cut the strokes of all frames, and name each as what it continues.
-
-    A stroke continues the one with which it has most of its sheet in common, of the frame before or
-    else of the last in which there was one. Two that meet stay two, unless one is short.
+class _Meeting(NamedTuple):
+    """Two ends of stretches of one frame that meet.
 
     Parameters
     ----------
-    seam : the points of the first frame, named as on the sheets of the last, where the last frame
-        goes over into it
+    one, two : the ends
+    key : what is the same of the meeting in all frames: sheets and sides of both
+    plan : 1 where a planned stroke runs from one to the other, -1 where planned strokes end there,
+        0 where nothing tells
+    gap : px between them
     """
+
+    one: _End
+    two: _End
+    key: tuple[int, int, int, int]
+    plan: int
+    gap: float
+
+
+def name_strokes(frames: list[Points], fates: list[Fate]) -> list[list[Stroke]]:
+    """Cut the strokes of all frames, and name each as what it continues.
+
+    A stroke continues the one with which it has most of its sheets in common, of the frame before
+    or else of the last in which there was one.
+    """
+    cut = [list(_cut(points, fate.drawn)) for points, fate in zip(frames, fates, strict=True)]
+    meetings = [_meetings(points, some) for points, some in zip(frames, cut, strict=True)]
+    joined = _decide(meetings)
     names = _Names()
     out: list[list[Stroke]] = []
-    before: list[Stroke] = []
-    for points, fate in zip(frames, fates, strict=True):
-        before = names.named(list(_cut(points, fate.drawn)), before)
-        out.append(before)
-    if seam is not None and out:
-        _close(out, seam)
+    for points, some, met, through in zip(frames, cut, meetings, joined, strict=True):
+        chains = _chained(len(some), [m for m, yes in zip(met, through, strict=True) if yes])
+        strokes = [_stroke(points, some, chain) for chain in chains]
+        long = [s for s in strokes if arc(points.xy[s.rows])[-1] >= SHORTEST]
+        out.append(names.named(long, out[-1] if out else []))
     return out
 
 
-def _cut(points: Points, drawn: np.ndarray) -> Iterator[Stroke]:
-    """Cut out what is drawn and hangs together, where it is long enough."""
-    follows = points.follows.copy()
-    follows[1:] &= drawn[1:] & drawn[:-1]
-    start = np.flatnonzero(~follows)
-    for a, b in zip(start, np.r_[start[1:], len(points)], strict=True):
-        if drawn[a] and b - a >= 2 and arc(points.xy[a:b])[-1] >= SHORTEST:
-            yield Stroke(-1, np.arange(a, b), int(points.sheet[a]), points.along[a:b])
+def _cut(points: Points, drawn: np.ndarray) -> Iterator[np.ndarray]:
+    """Cut out stretches of sheets that are drawn and hang together: their points (n,) int."""
+    row = np.flatnonzero(drawn)
+    if not len(row):
+        return
+    step = np.hypot(*np.diff(points.xy[row], axis=0).T)
+    apart = (np.diff(points.sheet[row]) != 0) | (step > GAP)
+    start = np.r_[0, np.flatnonzero(apart) + 1, len(row)]
+    for a, b in zip(start[:-1], start[1:], strict=True):
+        if b - a >= 2:
+            yield row[a:b]
+
+
+def _meetings(points: Points, cut: list[np.ndarray]) -> list[_Meeting]:
+    """Find the ends of stretches of one frame that meet."""
+    ends = [_End(i, side) for i in range(len(cut)) for side in (0, -1)]
+    if len(ends) < 3:
+        return []
+    row = np.array([cut[end.stretch][end.side] for end in ends])
+    out = np.array(
+        [heading(points.xy[cut[e.stretch]][:: -1 if e.side == 0 else 1], SPAN) for e in ends]
+    )
+    pairs = cKDTree(points.xy[row]).query_pairs(MEETING, output_type="ndarray").reshape(-1, 2)
+    found = []
+    for i, j in pairs.tolist():
+        one, two = ends[i], ends[j]
+        if one.stretch == two.stretch:
+            continue
+        plan = _planned_through(points, int(row[i]), int(row[j]))
+        if plan < 1 and -(out[i] @ out[j]) < BEND:
+            continue
+        sheets = (int(points.sheet[row[i]]), int(points.sheet[row[j]]))
+        key = min(
+            (sheets[0], one.side, sheets[1], two.side), (sheets[1], two.side, sheets[0], one.side)
+        )
+        gap = float(np.hypot(*(points.xy[row[i]] - points.xy[row[j]])))
+        found.append(_Meeting(one, two, key, plan, gap))
+    return found
+
+
+def _planned_through(points: Points, i: int, j: int) -> int:
+    """Tell what the plan says of two ends: one stroke 1, two -1, nothing 0."""
+    a, b = int(points.row[i]), int(points.row[j])
+    if a < 0 or b < 0:
+        return 1 if points.sheet[i] == points.sheet[j] else 0
+    return 1 if abs(a - b) <= 1 else -1
+
+
+def _decide(frames: list[list[_Meeting]]) -> list[list[bool]]:
+    """Decide which meetings of all frames are drawn through: by the plans, with few changes."""
+    seen: dict[tuple[int, int, int, int], list[tuple[int, int, int]]] = {}
+    for t, meetings in enumerate(frames):
+        for k, meeting in enumerate(meetings):
+            seen.setdefault(meeting.key, []).append((t, k, meeting.plan))
+    out = [[False] * len(meetings) for meetings in frames]
+    for times in seen.values():
+        for (t, k, _), yes in zip(times, _steady(times), strict=True):
+            out[t][k] = yes
+    return out
+
+
+def _steady(times: list[tuple[int, int, int]]) -> list[bool]:
+    """Choose the states of one meeting that go against the least of its plans (Viterbi)."""
+    cost, back = np.zeros(2), []
+    before = times[0][0]
+    for t, _, plan in times:
+        change = CHANGE if t - before <= FORGET else 0.0
+        came = [0 if cost[0] <= cost[1] + change else 1, 1 if cost[1] <= cost[0] + change else 0]
+        cost = np.minimum(cost, cost[::-1] + change) + [max(plan, 0), max(-plan, 0)]
+        back.append(came)
+        before = t
+    state, out = int(cost[1] < cost[0]), []
+    for came in reversed(back):
+        out.append(bool(state))
+        state = came[state]
+    return out[::-1]
+
+
+def _chained(count: int, meetings: list[_Meeting]) -> list[list[tuple[int, bool]]]:
+    """Chain stretches whose ends are drawn through: of each chain the stretches, and if turned.
+
+    Planned meetings go first, then the nearest; no chain closes on itself.
+    """
+    mate: dict[_End, _End] = {}
+    chain = np.arange(count)
+    for meeting in sorted(meetings, key=lambda m: (-m.plan, m.gap)):
+        one, two = meeting.one, meeting.two
+        if one in mate or two in mate or chain[one.stretch] == chain[two.stretch]:
+            continue
+        mate[one], mate[two] = two, one
+        chain[chain == chain[two.stretch]] = chain[one.stretch]
+    out: list[list[tuple[int, bool]]] = []
+    done: set[int] = set()
+    for i in range(count):
+        if i in done:
+            continue
+        end = _End(i, 0)
+        while end in mate:  # to the beginning of the chain
+            end = _other(mate[end])
+        links = []
+        while True:
+            links.append((end.stretch, end.side == -1))
+            done.add(end.stretch)
+            if _other(end) not in mate:
+                break
+            end = mate[_other(end)]
+        out.append(links)
+    return out
+
+
+def _other(end: _End) -> _End:
+    return _End(end.stretch, -1 - end.side)
+
+
+def _stroke(points: Points, cut: list[np.ndarray], chain: list[tuple[int, bool]]) -> Stroke:
+    """Put a stroke together of stretches one after the other, the longest as its sheet rises."""
+    longest = max(chain, key=lambda link: len(cut[link[0]]))
+    if longest[1]:
+        chain = [(i, not turned) for i, turned in chain[::-1]]
+    rows = np.concatenate([cut[i][::-1] if turned else cut[i] for i, turned in chain])
+    step = np.hypot(*np.diff(points.xy[rows], axis=0).T)
+    rows = rows[np.r_[True, step > REPEATED]]
+    return Stroke(-1, rows, points.sheet[rows], points.along[rows])
 
 
 class _Names:
-    """Hands out names, and remembers where on its sheet each was last."""
+    """Hands out names, and remembers where on which sheets each was last."""
 
     def __init__(self) -> None:
         self.count = 0
-        self.last: dict[int, dict[int, tuple[float, float]]] = {}
+        self.last: dict[int, dict[int, tuple[float, float, int]]] = {}
+        self.on_sheet: dict[int, set[int]] = {}
 
     def named(self, strokes: list[Stroke], before: list[Stroke]) -> list[Stroke]:
-        """Name the strokes of a frame after those of the frame before."""
-        was: dict[int, list[Stroke]] = {}
-        for stroke in before:
-            was.setdefault(stroke.sheet, []).append(stroke)
-        apart = [part for s in strokes for part in _parted(s, was.get(s.sheet, []))]
-        named = continued(apart, before)
-        used = {stroke.track for stroke in named if stroke.track >= 0}
+        """Name the strokes of a frame after those of the frame before, and direct them alike."""
+        recent = {stroke.track for stroke in before}
+        named: dict[int, int] = {}
+        stretches = [stroke.stretches() for stroke in strokes]
+        for names in (recent, set(self.last) - recent):
+            pairs = sorted(self._pairs(stretches, names), reverse=True)
+            for _, i, track in pairs:
+                if i not in named and track not in named.values():
+                    named[i] = track
         out = []
-        for stroke in named:
-            if stroke.track < 0:
-                stroke = replace(stroke, track=self._old_name(stroke, used))
-                used.add(stroke.track)
-            self.last.setdefault(stroke.sheet, {})[stroke.track] = (stroke.low, stroke.high)
-            out.append(stroke)
+        for i, stroke in enumerate(strokes):
+            if i not in named:
+                named[i], self.count = self.count, self.count + 1
+            out.append(self._directed(replace(stroke, track=named[i])))
         return out
 
-    def _old_name(self, stroke: Stroke, used: set[int]) -> int:
-        """Choose a name that nobody uses and that was there before, or else a new one."""
-        best, track = 0.0, -1
-        for name, (low, high) in self.last.get(stroke.sheet, {}).items():
-            common = min(high, stroke.high) - max(low, stroke.low)
-            if name not in used and common > best:
-                best, track = common, name
-        if track < 0:
-            track, self.count = self.count, self.count + 1
-        return track
+    def _pairs(
+        self, stretches: list[dict[int, tuple[float, float, int]]], names: set[int]
+    ) -> Iterator[tuple[float, int, int]]:
+        """Measure how much of their sheets strokes share with some names: px, stroke, name."""
+        for i, own in enumerate(stretches):
+            common: dict[int, float] = {}
+            for sheet, (low, high, _) in own.items():
+                for track in self.on_sheet.get(sheet, set()) & names:
+                    there = self.last[track].get(sheet)
+                    if there is not None:
+                        share = min(high, there[1]) - max(low, there[0])
+                        if share > 0.0:
+                            common[track] = common.get(track, 0.0) + float(share)
+            for track, share in common.items():
+                yield share, i, track
 
-
-def continued(strokes: list[Stroke], before: list[Stroke]) -> list[Stroke]:
-    """Name strokes after those of the frame before with which they share most of a sheet."""
-    pairs = []
-    for i, stroke in enumerate(strokes):
-        for other in before:
-            if other.sheet == stroke.sheet:
-                common = min(other.high, stroke.high) - max(other.low, stroke.low)
-                if common > 0.0:
-                    pairs.append((common, i, other.track))
-    out, used = list(strokes), set()
-    for _, i, track in sorted(pairs, reverse=True):
-        if out[i].track < 0 and track not in used:
-            out[i] = replace(out[i], track=track)
-            used.add(track)
-    return out
-
-
-def _parted(stroke: Stroke, before: list[Stroke]) -> list[Stroke]:
-    """Cut a stroke where two that were apart meet in it."""
-    inside = [
-        other
-        for other in before
-        if min(other.high, stroke.high) - max(other.low, stroke.low) >= BOTH
-    ]
-    inside.sort(key=lambda other: other.low)
-    marks = [0.5 * (a.high + b.low) for a, b in zip(inside[:-1], inside[1:], strict=True)]
-    if not marks:
-        return [stroke]
-    at = np.searchsorted(stroke.along, marks)
-    cuts = [0, *(int(k) for k in at if 1 < k < len(stroke.rows) - 1), len(stroke.rows) - 1]
-    parts = []
-    for a, b in zip(cuts[:-1], cuts[1:], strict=True):
-        if b - a >= 1:
-            rows = slice(a, b + 1)
-            parts.append(replace(stroke, rows=stroke.rows[rows], along=stroke.along[rows]))
-    return parts
-
-
-def _close(frames: list[list[Stroke]], seam: Points) -> None:
-    """Name the strokes of the first frame, and what continues them, as those of the last."""
-    first = []
-    for stroke in frames[0]:
-        sheet, along = seam.sheet[stroke.rows], seam.along[stroke.rows]
-        known = sheet >= 0
-        if not known.any():
-            continue
-        most = np.bincount(sheet[known]).argmax()
-        some = np.sort(along[known & (sheet == most)])
-        first.append((stroke.track, Stroke(-1, stroke.rows[: len(some)], int(most), some)))
-    linked = continued([stroke for _, stroke in first], frames[-1])
-    for (own, _), stroke in zip(first, linked, strict=True):
-        if stroke.track >= 0 and stroke.track != own:
-            _rename(frames, own, stroke.track)
-
-
-def _rename(frames: list[list[Stroke]], old: int, new: int) -> None:
-    """Call a track by the name of another, unless a frame has both."""
-    if any({old, new} <= {stroke.track for stroke in strokes} for strokes in frames):
-        return
-    for t, strokes in enumerate(frames):
-        frames[t] = [replace(s, track=new) if s.track == old else s for s in strokes]
+    def _directed(self, stroke: Stroke) -> Stroke:
+        """Direct a stroke as it was before, and remember it."""
+        before, votes = self.last.get(stroke.track, {}), 0.0
+        for sheet, (low, high, sign) in stroke.stretches().items():
+            if sheet in before:
+                votes += sign * before[sheet][2] * (high - low)
+        if votes < 0.0:
+            stroke = stroke.turned()
+        self.last[stroke.track] = stroke.stretches()
+        for sheet in self.last[stroke.track]:
+            self.on_sheet.setdefault(sheet, set()).add(stroke.track)
+        return stroke

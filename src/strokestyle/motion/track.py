@@ -11,10 +11,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..extract.line_options import LineOptions
 from ..geometry.curves import DEFAULT_SPACING
@@ -22,15 +20,16 @@ from ..geometry.kinds import KINDS
 from ..render.style import Style
 from .anchor import anchor
 from .candidates import candidates
+from .close import close
 from .compose import Composed, make_frame, smoothed
 from .follow import Follower
 from .frames import Frame, Shot
-from .growth import Grown, grow
+from .growth import grow
 from .persist import decide
 from .sheets import Points
 from .strokes import Stroke, name_strokes
 
-SAME = 3.0  # px between points that are the same
+AHEAD = 10  # frames of a loop before its first and behind its last that are looked at
 
 
 def track_frames(
@@ -53,42 +52,49 @@ def track_frames(
     loop : the last frame goes over into the first, as on a turntable
     """
     found = list(candidates(shots, style, options, spacing, optional))
+    if not found:
+        return []
+    count, order = len(found), np.arange(len(found))
+    first = 0
+    if loop:  # what comes before the first frame, and behind the last
+        order = np.arange(2 * count + min(AHEAD, count)) % count
+        first = count
     follower = Follower()
-    if loop:  # so that the first frame knows what was there in the last
-        for here in found:
-            follower.step(here)
-    frames = [follower.step(here) for here in found]
-    seam = _as_on_sheets_of(follower.step(found[0]), frames[0]) if loop and found else None
-    fates = decide(frames, loop)
-    strokes = name_strokes(frames, fates, seam)
+    start = max(first - AHEAD, 0)
+    frames = [follower.step(found[i]) for i in order][start:]
+    composed = _composed(frames, style)
+    if loop:
+        composed = close(composed, first - start, count)
+    else:
+        composed = composed[first - start :]
+    return [
+        make_frame(found[i], style, frames[first - start + i], composed[i]) for i in range(count)
+    ]
+
+
+def _composed(frames: list[Points], style: Style) -> list[list[Composed]]:
+    """Compose the strokes of frames one after the other."""
+    fates = decide(frames)
+    strokes = name_strokes(frames, fates)
     kinds = _kinds(frames, strokes)
     lines = [
         [smoothed(points, stroke.rows) for stroke in some]
         for points, some in zip(frames, strokes, strict=True)
     ]
-    places = anchor(strokes, lines, seam)
+    places = anchor(strokes, lines)
     out = []
-    for t, some in enumerate(grow(strokes, fates, loop)):
-        number = {stroke.track: k for k, stroke in enumerate(strokes[t])}
-        laid = [_laid(one, strokes[t], lines[t], places[t], number, kinds, style) for one in some]
-        out.append(make_frame(found[t], style, frames[t], laid))
+    for t, some in enumerate(grow(strokes, places, fates)):
+        composed = []
+        for one in some:
+            stroke, place = strokes[t][one.stroke], places[t][one.stroke]
+            composed.append(
+                Composed.of(
+                    stroke, one, lines[t][one.stroke], place,
+                    kinds[stroke.track], style.config.spacing,
+                )
+            )  # fmt: skip
+        out.append(composed)
     return out
-
-
-def _laid(
-    one: Grown,
-    strokes: list[Stroke],
-    lines: list[np.ndarray],
-    places: list[np.ndarray],
-    number: dict[int, int],
-    kinds: dict[int, int],
-    style: Style,
-) -> Composed:
-    """Lay a stroke as far as it has grown, of the whole strokes of its frame."""
-    k = number[one.stroke.track]
-    kept = np.isin(strokes[k].rows, one.stroke.rows)
-    kind = kinds[one.stroke.track]
-    return Composed.of(one, lines[k][kept], places[k][kept], kind, style.config.spacing)
 
 
 def _kinds(frames: list[Points], strokes: list[list[Stroke]]) -> dict[int, int]:
@@ -99,14 +105,3 @@ def _kinds(frames: list[Points], strokes: list[list[Stroke]]) -> dict[int, int]:
             votes = np.bincount(points.kind[stroke.rows], minlength=len(KINDS))
             count[stroke.track] = count.get(stroke.track, 0) + votes
     return {track: int(votes.argmax()) for track, votes in count.items()}
-
-
-def _as_on_sheets_of(other: Points, points: Points) -> Points:
-    """Name points as on the sheets of the same frame's `other` points; -1 where there is none."""
-    if not len(other) or not len(points):
-        return replace(points, sheet=np.full(len(points), -1))
-    away, row = cKDTree(other.xy).query(points.xy, distance_upper_bound=SAME)
-    near = away < np.inf
-    row = np.where(near, row, 0)
-    sheet, along = np.where(near, other.sheet[row], -1), other.along[row]
-    return replace(points, sheet=sheet, along=along)
