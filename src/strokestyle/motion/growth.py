@@ -11,8 +11,9 @@ import numpy as np
 from .persist import Fate
 from .strokes import Stroke
 
-FRAMES = 3.5  # in which a stroke grows to its length
-LEAST = 18.0  # px that it grows in a frame, at least
+BIRTH = 20.0  # px of a stroke when it is first seen
+LEAST, FASTER = 10.0, 0.4  # px that its end moves in a frame, at least, and share of its length
+START = 8.0  # px that its beginning moves in a frame
 SLACK = 2.0  # px
 LEAST_LIFE = 2  # frames
 TAPER = 26.0  # px before a moving end over which its thickness falls
@@ -53,8 +54,8 @@ def grow(
 ) -> list[list[Grown]]:
     """Limit how far ends of strokes move a frame where no occlusion moves them.
 
-    A stroke that appears where one saw the bare surface before is drawn from its start, over about
-    FRAMES frames; one that vanishes leaves from its end. An end that jumps does alike. Where an
+    A stroke that appears where one saw the bare surface before is drawn from its start, over some
+    frames; one that vanishes leaves from its end. An end that jumps does alike. Where an
     end moves because something is revealed or hidden, it moves at once. What lives for less than
     LEAST_LIFE frames is not drawn.
     """
@@ -89,33 +90,46 @@ def _limits(life: list[_Moment]) -> tuple[np.ndarray, np.ndarray]:
     """Find from which place to which the strokes of a life are drawn, (T,) each."""
     low, high = np.full(len(life), -np.inf), np.full(len(life), np.inf)
     for order, flag in ((1, "appears"), (-1, "vanishes")):
-        ends: tuple[float, float] | None = None
+        ends: _Ends | None = None
         for k in range(len(life))[::order]:
             ends = _step(life[k].place, getattr(life[k], flag), ends)
-            low[k], high[k] = max(low[k], ends[0]), min(high[k], ends[1])
+            low[k], high[k] = max(low[k], ends.low), min(high[k], ends.high)
     return low, high
 
 
-def _step(
-    place: np.ndarray, flags: np.ndarray, ends: tuple[float, float] | None
-) -> tuple[float, float]:
-    """Limit a stroke by the places between which it was drawn in the frame before.
+class _Ends(NamedTuple):
+    """From which place to which a stroke is drawn, and would be if it did not grow."""
 
-    `flags` (n,) tells the points at which it must not be there at once; `ends` is None where the
-    stroke was not there before.
+    low: float
+    high: float
+    first: float
+    last: float
+
+
+def _step(place: np.ndarray, flags: np.ndarray, before: _Ends | None) -> _Ends:
+    """Limit a stroke by how far it was drawn in the frame before; None where it was not.
+
+    `flags` (n,) tells the points at which it must not be there at once. What the stroke has behind
+    those, or behind where it has not yet grown to, was drawn before, by another, and stays.
     """
     first, last = float(place[0]), float(place[-1])
-    pace = max(LEAST, (last - first) / FRAMES)
-    if ends is None:
-        return first, last if flags.mean() <= 0.5 else first + pace
-    low, high = first, last
-    over, under = flags & (place > ends[1] + SLACK), flags & (place < ends[0] - SLACK)
-    if over.any():
-        high = min(high, max(place[max(int(over.argmax()) - 1, 0)], ends[1] + pace))
-    if under.any():
-        behind = len(under) - int(under[::-1].argmax())
-        low = max(low, min(place[min(behind, len(place) - 1)], ends[0] - pace))
-    return float(low), float(high)
+    if before is None:
+        high = last if flags.mean() <= 0.5 else first + BIRTH
+        return _Ends(first, min(high, last), first, last)
+    pace = max(LEAST, FASTER * (before.high - before.low))
+    pending = (place > before.high + SLACK) & (place <= before.last + SLACK)
+    behind = _trailing((flags & (place > before.high)) | pending)
+    high = last if not behind else max(float(place[-1 - behind]), before.high + pace)
+    pending = (place < before.low - SLACK) & (place >= before.first - SLACK)
+    ahead = _trailing(((flags & (place < before.low)) | pending)[::-1])
+    low = first if not ahead else min(float(place[ahead]), before.low - START)
+    return _Ends(max(low, first), min(high, last), first, last)
+
+
+def _trailing(flags: np.ndarray) -> int:
+    """Count the flags up that stand at the end of (n,) flags, less than n."""
+    down = np.flatnonzero(~flags)
+    return len(flags) - 1 - int(down[-1]) if len(down) else len(flags) - 1
 
 
 def _limited(moment: _Moment, low: float, high: float) -> Grown | None:

@@ -201,11 +201,11 @@ def _fate(points: Points, number: np.ndarray, drawn: np.ndarray, state: np.ndarr
     count = len(drawn)
     here = drawn[t, number] & points.seen
     before, after = t - 1, t + 1
-    no = np.zeros(len(points), bool)
-    appears = vanishes = no
-    if 0 <= before < count:
-        was = (state[before, number] == SHOWN) & ~drawn[before, number]
-        appears = here & (was | points.new)
-    if 0 <= after < count:
-        vanishes = here & (state[after, number] == SHOWN) & ~drawn[after, number]
+    appears = vanishes = np.zeros(len(points), bool)
+    if before >= 0:
+        was = state[before, number]
+        hidden = (was == HIDDEN) | ((was == ABSENT) & ~points.new)
+        appears = here & ~drawn[before, number] & ~hidden
+    if after < count:
+        vanishes = here & ~drawn[after, number] & (state[after, number] != HIDDEN)
     return Fate(here, appears, vanishes)

@@ -23,8 +23,6 @@ SHORTEST = 8.0  # px of a stroke
 MEETING = 13.0  # px between ends that may be drawn through
 BEND = np.cos(np.radians(50.0))  # between the headings of such ends, where no plan says so
 SPAN = 4  # points over which a heading is measured
-CHANGE = 2.5  # frames
-FORGET = 4  # frames after which what was joined is decided anew
 REPEATED = 0.5  # px; nearer points of a stroke are one
 
 
@@ -91,7 +89,11 @@ def name_strokes(frames: list[Points], fates: list[Fate]) -> list[list[Stroke]]:
     """
     cut = [list(_cut(points, fate.drawn)) for points, fate in zip(frames, fates, strict=True)]
     meetings = [_meetings(points, some) for points, some in zip(frames, cut, strict=True)]
-    joined = _decide(meetings)
+    there = [
+        {int(points.sheet[rows[0]]) for rows in some}
+        for points, some in zip(frames, cut, strict=True)
+    ]
+    joined = _decide(meetings, there)
     names = _Names()
     out: list[list[Stroke]] = []
     for points, some, met, through in zip(frames, cut, meetings, joined, strict=True):
@@ -150,34 +152,40 @@ def _planned_through(points: Points, i: int, j: int) -> int:
     return 1 if abs(a - b) <= 1 else -1
 
 
-def _decide(frames: list[list[_Meeting]]) -> list[list[bool]]:
-    """Decide which meetings of all frames are drawn through: by the plans, with few changes."""
-    seen: dict[tuple[int, int, int, int], list[tuple[int, int, int]]] = {}
+def _decide(frames: list[list[_Meeting]], there: list[set[int]]) -> list[list[bool]]:
+    """Decide which meetings of all frames are drawn through: by the plans, with few changes.
+
+    Where both sheets are drawn and their ends do not meet, they are drawn apart as if planned so:
+    what parts soon, or has just met, is not one stroke. `there` are the sheets drawn in each frame.
+    """
+    seen: dict[tuple[int, int, int, int], dict[int, list[tuple[int, int]]]] = {}
     for t, meetings in enumerate(frames):
         for k, meeting in enumerate(meetings):
-            seen.setdefault(meeting.key, []).append((t, k, meeting.plan))
+            seen.setdefault(meeting.key, {}).setdefault(t, []).append((k, meeting.plan))
     out = [[False] * len(meetings) for meetings in frames]
-    for times in seen.values():
-        for (t, k, _), yes in zip(times, _steady(times), strict=True):
-            out[t][k] = yes
+    for key, times in seen.items():
+        for some in _episodes(times, {key[0], key[2]}, there):
+            plans = [max((plan for _, plan in times.get(t, [(0, -1)])), default=0) for t in some]
+            if key[0] == key[2] or sum(plans) > 0:
+                for t in some:
+                    for k, _ in times.get(t, []):
+                        out[t][k] = True
     return out
 
 
-def _steady(times: list[tuple[int, int, int]]) -> list[bool]:
-    """Choose the states of one meeting that go against the least of its plans (Viterbi)."""
-    cost, back = np.zeros(2), []
-    before = times[0][0]
-    for t, _, plan in times:
-        change = CHANGE if t - before <= FORGET else 0.0
-        came = [0 if cost[0] <= cost[1] + change else 1, 1 if cost[1] <= cost[0] + change else 0]
-        cost = np.minimum(cost, cost[::-1] + change) + [max(plan, 0), max(-plan, 0)]
-        back.append(came)
-        before = t
-    state, out = int(cost[1] < cost[0]), []
-    for came in reversed(back):
-        out.append(bool(state))
-        state = came[state]
-    return out[::-1]
+def _episodes(
+    times: dict[int, list[tuple[int, int]]], sheets: set[int], there: list[set[int]]
+) -> Iterator[list[int]]:
+    """List the frames, without a break, in which both sheets of a meeting are drawn."""
+    left = sorted(times)
+    while left:
+        first = last = left[0]
+        while first > 0 and sheets <= there[first - 1]:
+            first -= 1
+        while last + 1 < len(there) and sheets <= there[last + 1]:
+            last += 1
+        yield list(range(first, last + 1))
+        left = [t for t in left if t > last]
 
 
 def _chained(count: int, meetings: list[_Meeting]) -> list[list[tuple[int, bool]]]:
