@@ -62,7 +62,7 @@ def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbo
 
     A broad ribbon cannot follow every tremor of its centre line without folding: it is smoothed by
     STIFFNESS of its half width. An open stroke runs straight on past both ends, by the half width
-    there.
+    there. It is made once: a stroke's texture and its tones ask for the same one.
 
     Parameters
     ----------
@@ -70,6 +70,16 @@ def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbo
     margin : px beyond the half thickness that the ribbon reaches
     scale : all lengths are multiplied by it, `margin` too
     """
+    key = int(i), float(margin)
+    band: Ribbon | None = strokes.ribbons.get(key)
+    if band is None:
+        band = strokes.ribbons[key] = _ribbon(strokes, i, margin)
+    if scale == 1.0:
+        return band
+    return Ribbon(band.xy * scale, band.half * scale, band.along * scale, band.closed)
+
+
+def _ribbon(strokes: Strokes, i: int, margin: float) -> Ribbon:
     xy, half = merge_coincident_points(
         strokes.xy[strokes.rows(i)], slope_limited_half_widths(strokes, i, margin)
     )
@@ -81,8 +91,8 @@ def ribbon(strokes: Strokes, i: int, margin: float, scale: float = 1.0) -> Ribbo
         out = out / np.hypot(out[:, 0], out[:, 1])[:, None]
         reach = np.maximum(half[[0, -1]], 1e-3)
         xy = np.concatenate([xy[:1] + reach[0] * out[:1], xy, xy[-1:] + reach[1] * out[1:]])
-        half = np.r_[half[0], half, half[-1]]
-    return Ribbon(xy * scale, half * scale, arc(xy) * scale, closed)
+        half = np.concatenate([half[:1], half, half[-1:]])
+    return Ribbon(xy, half, arc(xy), closed)
 
 
 def _stiffened(xy: np.ndarray, half: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -99,7 +109,8 @@ def _stiffened(xy: np.ndarray, half: np.ndarray, closed: bool) -> tuple[np.ndarr
     smooth = blurred(even, sigma * count / along[-1], closed)
     if closed:
         smooth[-1] = smooth[0]
-    keep = np.r_[True, np.hypot(*np.diff(smooth, axis=0).T) > SAME_POINT]
+    apart = np.hypot(*np.diff(smooth, axis=0).T) > SAME_POINT
+    keep = np.concatenate([[True], apart])
     return smooth[keep], half[keep]
 
 

@@ -6,6 +6,8 @@ Also the order in which strokes are painted, and the signed distance to a stroke
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -78,6 +80,11 @@ class Strokes:
     def rows(self, i: int) -> slice:
         """The rows of `xy` and `thickness` that are stroke i."""
         return slice(self.offsets[i], self.offsets[i + 1])
+
+    @cached_property
+    def ribbons(self) -> dict[tuple[int, float], Any]:
+        """The ribbons that `ribbon.ribbon` has made, by stroke and margin."""
+        return {}
 
     @classmethod
     def empty(cls) -> Strokes:
@@ -233,6 +240,8 @@ def merge_coincident_points(xy: np.ndarray, radius: np.ndarray) -> tuple[np.ndar
     the first point of each cluster (m, 2), and the radii (m,)
     """
     apart = np.linalg.norm(np.diff(xy, axis=0), axis=1) > SAME_POINT
+    if apart.all():
+        return xy, np.maximum(radius, 0.0)
     cluster = np.r_[0, np.cumsum(apart)]
     largest = np.zeros(cluster[-1] + 1)
     np.maximum.at(largest, cluster, radius)

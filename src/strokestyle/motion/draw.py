@@ -71,8 +71,9 @@ def _drawn(style: Style, frames: Sequence[Frame], luck: Luck) -> Iterator[Drawin
         if not bank.flat and any(names for names, _ in named):
             textures = TrackTextures(bank, turned, named, luck)
     pieces = _PieceNames()
-    for number, (frame, one) in enumerate(zip(frames, laid, strict=True)):
-        strips = None
+    laid.reverse()
+    for number, frame in enumerate(frames):
+        one, strips = laid.pop(), None  # what was drawn is forgotten
         if textures is not None and len(one.strokes):
             strips = textures.strips(one, points[number], number)
         size = (frame.camera.width, frame.camera.height)

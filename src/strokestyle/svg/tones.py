@@ -94,7 +94,8 @@ def tones(
     rgba = texture.rgba[rows]
     alpha = rgba[..., 3].astype(np.float32) / 255.0
     known = None if texture.opacities is None else texture.opacities[index].astype(np.float64)
-    levels = _levels(alpha, rgba, strips, count, (ink or inks(texture)).color[index], known)
+    ink = ink or inks(texture)
+    levels = _levels(alpha, rgba, strips, count, ink.color[index], ink.plain[index], known)
     contours = _contours(alpha, strips, bands, levels.threshold)
     points, offsets, kept = _splines(contours.xy, contours.offsets, SLACK * tolerance)
     stroke, tone = contours.stroke[kept], contours.tone[kept]
@@ -155,6 +156,7 @@ def _levels(
     offsets: np.ndarray,
     count: int,
     ink: np.ndarray,
+    plain: np.ndarray,
     histogram: np.ndarray | None,
 ) -> _Levels:
     """Choose the levels of tone of each stroke, and their colours.
@@ -162,8 +164,13 @@ def _levels(
     Least squares on the histogram of each stroke's opacity, the lowest level none: the best of
     coarse partitions, then made finer (Lloyd 1982). So the few opacities of a texture that was told
     in tones before are found again. Where there are fewer opacities than levels, the last
-    thresholds are out of reach. `histogram` (C, 256) is another than that of the strip.
+    thresholds are out of reach. A `histogram` (C, 256) is one of more than the strip: where strokes
+    are of one ink, it says all.
     """
+    if histogram is not None and plain.all():
+        level, threshold = _distinct(*_refined(histogram, _partitioned(histogram, count)))
+        wanted = ink[:, None] * level[..., None]
+        return _Levels(level, np.maximum(threshold, CLEAR), _painted_color(level, wanted))
     strokes, own = len(offsets) - 1, owner(offsets)
     bins = (own[:, None] * 256 + np.rint(alpha * 255).astype(np.int64)).reshape(-1)
     if histogram is None:
@@ -341,9 +348,11 @@ def _frames(band: Ribbon, rows: int) -> _Frames:
         along = np.r_[along[:-1], along + length]
         xy, half = np.concatenate([xy[:-1], xy]), np.r_[half[:-1], half]
     else:
-        u = np.r_[0.0, (np.arange(rows) + 0.5) / rows, 1.0] * length
+        u = np.concatenate([[0.0], (np.arange(rows) + 0.5) / rows, [1.0]]) * length
     bend = np.diff(heading) / np.maximum(np.diff(middle), 1e-9)
-    curvature = np.r_[0.0, bend, 0.0][np.clip(np.searchsorted(middle, u), 0, len(bend) + 1)]
+    curvature = np.concatenate([[0.0], bend, [0.0]])[
+        np.clip(np.searchsorted(middle, u), 0, len(bend) + 1)
+    ]
     centre = np.stack([np.interp(u, along, column) for column in xy.T], axis=1)
     return _Frames(centre, np.interp(u, middle, heading), np.interp(u, along, half), curvature)
 
@@ -521,13 +530,18 @@ class ToneShape(NamedTuple):
     """A tone of a stroke.
 
     `color` (3,) lies in [0, 1]; `d` is path data in units of TONE_UNIT px, to be filled by the
-    nonzero rule; `edge` (n, 2) is its first ring as a fine polyline, px.
+    nonzero rule; `first` (n, 2) is the polygon of its first ring, in units of 2 TONE_UNIT.
     """
 
     color: np.ndarray
     opacity: float
     d: str
-    edge: np.ndarray
+    first: np.ndarray
+
+    @property
+    def edge(self) -> np.ndarray:
+        """Its first ring as a fine polyline (n, 2), px."""
+        return _edge(self.first)
 
 
 def tone_shapes(regions: Tones) -> list[list[ToneShape]]:
@@ -540,8 +554,8 @@ def tone_shapes(regions: Tones) -> list[list[ToneShape]]:
     for first, end in zip(bounds[:-1], bounds[1:], strict=True):
         stroke, tone = regions.stroke[first], regions.tone[first]
         d = "M" + "".join(texts[first:end])[1:].replace(" -", "-")
-        edge = _edge(regions.points[slice(*regions.offsets[first : first + 2])])
-        shape = ToneShape(regions.color[stroke, tone], regions.opacity[stroke, tone], d, edge)
+        ring = regions.points[slice(*regions.offsets[first : first + 2])]
+        shape = ToneShape(regions.color[stroke, tone], regions.opacity[stroke, tone], d, ring)
         made[stroke].append(shape)
     return made
 
