@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from .read import read_mesh
 from .repair import centre_and_scale
 from .surface import Cleaned, Surface, clean, measured
 from .triangles import Triangles, row_dot, unit_rows
+from .weld import first_at_place
 
 APART = 1e-3  # of the first frame's size: so far apart in a frame, vertices are not one
 NUDGE = 2e-4  # likewise, what keeps them apart in the first; above what is taken for a crack
@@ -53,6 +55,7 @@ def load_sequence(paths: Sequence[str | Path]) -> list[Surface]:
     for path, vertices in zip(paths, shapes, strict=True):
         with _blaming(path):
             moved = (vertices[origin] - cleaned.centre) / cleaned.scale
+            centre_and_scale(moved)  # which refuses what has no size
             surfaces.append(measured(cleaned, moved, part_names=first.part_names))
     return surfaces
 
@@ -84,25 +87,28 @@ def clean_sequence(first: Triangles, shapes: Sequence[np.ndarray]) -> tuple[Clea
     for _ in range(3):  # what is kept apart at one vertex may show what another joins
         cleaned = clean(vertices, first.faces, part=first.part, polygon=first.polygon)
         joined = Joined.of(vertices, first.faces, cleaned)
-        parting = joined.parting(shapes, APART * cleaned.scale)
+        # faces that lie on each other are dropped, and so not among what was joined
+        same = np.stack([np.arange(len(vertices)), first_at_place(vertices)])
+        pairs = np.concatenate([joined.pairs, same[:, np.unique(first.faces)]], axis=1)
+        parting = parted(pairs, shapes, APART * cleaned.scale)
         if not parting.any():
             break
         vertices = nudged(first, parting)
     return cleaned, joined.origin
 
 
-class Joined:
+class Joined(NamedTuple):
     """Which vertices of a file became which of the cleaned mesh.
 
-    Attributes
+    Parameters
     ----------
     origin : (V',) int, the vertex that each of the cleaned mesh was: where several lie at one
         place, one that a face of its own has
-    old, new : (M,) int, vertices of the file, and what they were joined to in the cleaned mesh
+    pairs : (2, M) int, vertices of the file, and the `origin` of what they were joined to
     """
 
-    def __init__(self, origin: np.ndarray, old: np.ndarray, new: np.ndarray):
-        self.origin, self.old, self.new = origin, old, new
+    origin: np.ndarray
+    pairs: np.ndarray
 
     @classmethod
     def of(cls, vertices: np.ndarray, faces: np.ndarray, cleaned: Cleaned) -> Joined:
@@ -116,26 +122,24 @@ class Joined:
             ],
             axis=1,
         )  # corner of the file's face, corner of the cleaned one, face
-        nearest = away.argmin(axis=0)
-        old = np.take_along_axis(own.T, nearest, axis=0).ravel()
+        old = np.take_along_axis(own.T, away.argmin(axis=0), axis=0).ravel()
         new, gap = cleaned.faces.T.ravel(), away.min(axis=0).ravel()
         order = np.lexsort((old, gap, new))
         _, first = np.unique(new[order], return_index=True)
         origin = np.zeros(len(cleaned.vertices), np.int64)
         origin[new[order][first]] = old[order][first]
         near = gap <= NUDGE  # others were stitched on, or lie where another face has its corner
-        pairs = np.unique(np.stack([old[near], new[near]], axis=1), axis=0)
-        return cls(origin, *pairs.T)
+        return cls(origin, np.unique(np.stack([old, origin[new]])[:, near], axis=1))
 
-    def parting(self, shapes: Sequence[np.ndarray], limit: float) -> np.ndarray:
-        """Find the vertices of the file (V,) bool that are joined to one they part from."""
-        found = np.zeros(len(shapes[0]), bool)
-        beside = self.origin[self.new]
-        old, beside = (a[self.old != beside] for a in (self.old, beside))
-        for vertices in shapes[1:]:
-            apart = np.abs(vertices[old] - vertices[beside]).max(axis=1, initial=0.0) > limit
-            found[old[apart]] = found[beside[apart]] = True
-        return found
+
+def parted(pairs: np.ndarray, shapes: Sequence[np.ndarray], limit: float) -> np.ndarray:
+    """Find the vertices (V,) bool of pairs (2, M) that some frame shows further apart."""
+    found = np.zeros(len(shapes[0]), bool)
+    one, other = pairs[:, pairs[0] != pairs[1]]
+    for vertices in shapes[1:]:
+        apart = np.abs(vertices[one] - vertices[other]).max(axis=1, initial=0.0) > limit
+        found[one[apart]] = found[other[apart]] = True
+    return found
 
 
 def nudged(mesh: Triangles, which: np.ndarray) -> np.ndarray:
@@ -187,10 +191,12 @@ def check_same_faces(
 
 def _count(mesh: Triangles) -> int:
     """How many faces the file has, cut into triangles or not."""
-    return len(mesh.faces) if mesh.polygon is None else int(mesh.polygon.max(initial=-1)) + 1
+    return len(mesh.faces) if mesh.polygon is None else len(np.unique(mesh.polygon))
 
 
 def _corners(mesh: Triangles) -> np.ndarray:
     """List the vertices of each polygon, (M, 2): polygon and vertex, sorted."""
-    polygon = np.arange(len(mesh.faces)) if mesh.polygon is None else mesh.polygon
+    polygon = np.arange(len(mesh.faces))
+    if mesh.polygon is not None:
+        polygon = np.unique(mesh.polygon, return_inverse=True)[1]
     return np.unique(np.stack([np.repeat(polygon, 3), mesh.faces.ravel()], axis=1), axis=0)
