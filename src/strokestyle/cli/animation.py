@@ -359,14 +359,16 @@ class Moving:
         from ..extract.camera import up_axis
         from ..motion.shots import load_cameras, path_shots, turntable_shots
 
-        surfaces: Any = self.surfaces if self.animation.sequence else self.surfaces[0]
         count, path = self.options.get("turntable"), self.options.get("cameras")
+        cameras = load_cameras(path) if path else []
         if path:
-            cameras = load_cameras(path)
             self._check_count(len(cameras), f"{path}: has {len(cameras)} cameras")
-            return path_shots(surfaces, cameras)
         if count:
             self._check_count(count, f"--turntable {count} has {count} frames")
+        surfaces: Any = self.surfaces if self.animation.sequence else self.surfaces[0]
+        if path:
+            return path_shots(surfaces, cameras)
+        if count:
             up = None if self.options.get("camera") else up_axis(self.options.get("up") or "y")
             return turntable_shots(surfaces, self.camera(), count, up)
         return path_shots(surfaces, [self.camera()] * len(surfaces))

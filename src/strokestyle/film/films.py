@@ -43,7 +43,7 @@ def write_film(
     Parameters
     ----------
     rate : frames a second
-    transparent : keep the pictures' transparency, where the format can: video cannot
+    transparent : keep the pictures' transparency; a video has none, and is white there
 
     Raises
     ------
@@ -52,12 +52,13 @@ def write_film(
     OSError
         where the file cannot.
     """
-    check_film(path, rate)
     suffix = Path(path).suffix.lower()
+    if suffix not in (*WRITERS, *CODECS):
+        raise ValueError(f"{path}: a film of pixels is {', '.join((*WRITERS, *CODECS))}")
 
     def write(name: str) -> None:
         if suffix in CODECS:
-            write_video(name, pictures, rate, suffix)
+            write_video(name, pictures, rate, suffix, transparent)
         else:
             WRITERS[suffix](name, pictures, rate, transparent)
 

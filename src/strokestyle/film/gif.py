@@ -17,7 +17,8 @@ from .pictures import Pictures
 from .timing import durations
 
 UNIT = 100  # GIF tells times in 1/100 s
-FASTEST = 50  # frames a second: players show what is shorter than 2/100 s for 10/100 s
+SHORTEST = 2  # of them: players show what is shorter for 10
+FASTEST = UNIT // SHORTEST  # pictures a second
 COLOURS = 64  # of the palette, and one for what does not change
 TRANSPARENT = 0  # its place in the palette
 SOLID = 128  # of alpha: from here on a pixel is painted
@@ -42,7 +43,7 @@ def write_gif(path: str, pictures: Pictures, rate: Fraction, transparent: bool =
 
     Parameters
     ----------
-    rate : frames a second, up to FASTEST
+    rate : frames a second; up to FASTEST pictures
     transparent : leave out what is transparent in the pictures; else they are opaque
 
     Raises
@@ -50,11 +51,11 @@ def write_gif(path: str, pictures: Pictures, rate: Fraction, transparent: bool =
     ValueError
         where there are no pictures, or too many a second.
     """
-    check_rate(rate)
     if not len(pictures):
         raise ValueError("a film needs at least one picture")
+    check_rate(rate / pictures.held[0])  # the last one may be held for less than the others
     palette = Palette.of(pictures, transparent)
-    times = durations(pictures.held, rate, UNIT)
+    times = [max(SHORTEST, time) for time in durations(pictures.held, rate, UNIT)]
     with open(path, "wb") as file:
         file.write(_head(pictures.size, palette.colours))
         for part, time in zip(_parts(pictures, palette, transparent), times, strict=True):

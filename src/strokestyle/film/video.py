@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import functools
+import io
 import shutil
 import subprocess
 import tempfile
 from fractions import Fraction
+
+from PIL import Image
 
 from .pictures import Pictures
 
@@ -16,8 +19,7 @@ CODECS = {
     ".webm": ("libvpx-vp9", ("-b:v", "0", "-crf", "24", "-row-mt", "1")),
 }
 FORMATS = {".mp4": "mp4", ".webm": "webm"}
-# sides are made even, as 4:2:0 wants it, by a row and a column of the edge's colour
-FILTERS = "pad=ceil(iw/2)*2:ceil(ih/2)*2:color={},scale=out_color_matrix=bt709:out_range=tv"
+MATRIX = "scale=out_color_matrix=bt709:out_range=tv"
 COLOURS = ("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1")
 
 
@@ -52,7 +54,7 @@ def encoders(program: str) -> frozenset[str]:
 
 
 def write_video(
-    path: str, pictures: Pictures, rate: Fraction, suffix: str, background: str = "white"
+    path: str, pictures: Pictures, rate: Fraction, suffix: str, transparent: bool = False
 ) -> None:
     """Write pictures as a film of one of CODECS through ffmpeg: 4:2:0, sides made even.
 
@@ -60,7 +62,7 @@ def write_video(
     ----------
     rate : frames a second
     suffix : of CODECS, which says what is written
-    background : what ffmpeg calls the colour of a row and column that makes a side even
+    transparent : whether pictures are, and are to be laid on white
 
     Raises
     ------
@@ -74,7 +76,7 @@ def write_video(
     command = [
         shutil.which("ffmpeg") or "ffmpeg", "-hide_banner", "-loglevel", "error", "-y",
         "-f", "image2pipe", "-c:v", "png", "-framerate", f"{rate.numerator}/{rate.denominator}",
-        "-i", "-", "-an", "-vf", FILTERS.format(background), "-c:v", encoder, *asked,
+        "-i", "-", "-an", "-vf", filters(*pictures.size), "-c:v", encoder, *asked,
         "-pix_fmt", "yuv420p", *COLOURS, "-f", FORMATS[suffix], path,
     ]  # fmt: skip
     with tempfile.TemporaryFile() as words:
@@ -82,7 +84,7 @@ def write_video(
             command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=words
         )
         try:
-            _feed(process, pictures)
+            _feed(process, pictures, transparent)
         except BaseException:
             process.kill()
             process.wait()
@@ -93,13 +95,33 @@ def write_video(
             raise ValueError(f"ffmpeg failed: {said[-1] if said else 'it said nothing'}")
 
 
-def _feed(process: subprocess.Popen, pictures: Pictures) -> None:
+def filters(width: int, height: int) -> str:
+    """Ask ffmpeg for BT.709, and for even sides, as 4:2:0 wants them: edges are repeated."""
+    right, bottom = width % 2, height % 2
+    if not (right or bottom):
+        return MATRIX
+    wider = f"pad={width + right}:{height + bottom}"
+    return f"{wider},fillborders=right={right}:bottom={bottom}:mode=smear,{MATRIX}"
+
+
+def _feed(process: subprocess.Popen, pictures: Pictures, transparent: bool) -> None:
     """Send every frame, those that are held as often as they are shown."""
     assert process.stdin is not None
     try:
         for png, held in zip(pictures.pngs, pictures.held, strict=True):
+            png = _on_white(png) if transparent else png
             for _ in range(held):
                 process.stdin.write(png)
         process.stdin.close()
     except BrokenPipeError:  # it has stopped, and says why
         pass
+
+
+def _on_white(png: bytes) -> bytes:
+    """Lay a PNG on white."""
+    with Image.open(io.BytesIO(png), formats=["PNG"]) as image:
+        white = Image.new("RGBA", image.size, "white")
+        white.alpha_composite(image.convert("RGBA"))
+    file = io.BytesIO()
+    white.convert("RGB").save(file, "PNG", compress_level=1)
+    return file.getvalue()
