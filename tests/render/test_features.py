@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from known_law import planned
+from scipy.ndimage import gaussian_filter1d
 from scipy.special import ndtr
 
 from strokestyle.extract.camera import Camera
 from strokestyle.extract.feature_maps import FeatureMaps
 from strokestyle.extract.view import View
-from strokestyle.geometry.curves import KINDS, Curves
+from strokestyle.geometry.curves import KINDS, Curves, blurred
 from strokestyle.render.config import StyleConfig
 from strokestyle.render.features import (
     FEATURES,
@@ -287,3 +288,19 @@ def test_a_gaussian_along_strokes_mixes_no_two_and_keeps_pinned_ends():
     assert pinned[[0, -1]] == pytest.approx(wave[[0, -1]])
     assert pinned[10:-10] == pytest.approx(damped * wave[10:-10], rel=1e-3)
     assert np.abs(got[0] - wave[0]).max() > 0.05  # not pinned, it does move
+
+
+@pytest.mark.parametrize("pin", [False, True])
+@pytest.mark.parametrize("sigma", [1.5, 12.0, 90.0])
+def test_strokes_are_blurred_all_at_once_as_one_by_one(pin, sigma):
+    rng = np.random.default_rng(3)
+    offsets = np.r_[0, np.cumsum([2, 30, 1, 7, 120, 3])]
+    values = rng.normal(size=(offsets[-1], 2))
+    one_by_one = [
+        blurred(values[a:b], sigma / 3.0)
+        if pin
+        else gaussian_filter1d(values[a:b], sigma / 3.0, axis=0, mode="nearest")
+        for a, b in zip(offsets[:-1], offsets[1:], strict=True)
+    ]
+    at_once = along_strokes(values, offsets, sigma, 3.0, pin)
+    assert np.array_equal(at_once, np.concatenate(one_by_one))

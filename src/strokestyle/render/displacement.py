@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.curves import simplify, tangents
+from ..geometry.curves import owner, simplify, tangents
 from .features import HEADING_SIGMA, along_strokes
 from .plan import CUT_SIGMA, HEADING_SPAN, Planned
 
@@ -85,13 +85,12 @@ def deformations_of(
     """
     wanted = np.ones(len(DEFORMATIONS), bool) if weights is None else np.asarray(weights) != 0
     out = np.zeros((len(planned.xy), len(DEFORMATIONS), 2))
-    on_curve = planned.on_curve
-    for a, b in zip(planned.offsets[:-1], planned.offsets[1:], strict=True):
-        inner = np.flatnonzero(on_curve[a:b]) + a
-        first, end = inner[0], inner[-1] + 1
-        out[first:end] = _deformations_of_curve(
-            planned.xy[first:end], normals[first:end], spacing, wanted
-        )
+    inner = np.flatnonzero(planned.on_curve)
+    stroke = owner(planned.offsets)[inner]
+    curves = np.searchsorted(stroke, np.arange(len(planned) + 1))
+    out[inner] = _deformations_of_curves(planned.xy[inner], normals[inner], curves, spacing, wanted)
+    for i, (a, b) in enumerate(zip(planned.offsets[:-1], planned.offsets[1:], strict=True)):
+        first, end = inner[curves[i]], inner[curves[i + 1] - 1] + 1
         span = min(max(1, round(HEADING_SPAN / spacing)), end - first - 1)
         over = planned.overshoot[:, None, None] / max(span * spacing, 1e-9)
         out[a:first] = out[first] + over[a:first] * (out[first] - out[first + span])
@@ -99,26 +98,31 @@ def deformations_of(
     return out
 
 
-def _deformations_of_curve(
-    xy: np.ndarray, normals: np.ndarray, spacing: float, wanted: np.ndarray
+def _deformations_of_curves(
+    xy: np.ndarray, normals: np.ndarray, offsets: np.ndarray, spacing: float, wanted: np.ndarray
 ) -> np.ndarray:
-    """The displacement (n, M, 2) of one curve's points (n, 2) by each `wanted` of DEFORMATIONS."""
-    whole, smooth = np.array([0, len(xy)]), None
-    row = np.arange(len(xy), dtype=np.float64)
+    """The displacement (N, M, 2) of curves' points (N, 2) by each `wanted` of DEFORMATIONS."""
     moved = np.zeros((len(xy), len(DEFORMATIONS), 2))
     cuts = len(SMOOTHINGS)
     for k in np.flatnonzero(wanted).tolist():
         if k < cuts:
-            moved[:, k] = along_strokes(xy, whole, SMOOTHINGS[k], spacing, pin=True) - xy
+            moved[:, k] = along_strokes(xy, offsets, SMOOTHINGS[k], spacing, pin=True) - xy
         elif k < cuts + len(CUTS):
-            if smooth is None:
-                smooth = along_strokes(xy, whole, CUT_SIGMA, spacing, pin=True)
-            keep = simplify(smooth, CUTS[k - cuts])
-            chords = [np.interp(row, keep, smooth[keep, i]) for i in (0, 1)]
-            moved[:, k] = np.stack(chords, axis=1) - xy
+            smooth = along_strokes(xy, offsets, CUT_SIGMA, spacing, pin=True)
+            moved[:, k] = _cut_straight(smooth, offsets, CUTS[k - cuts]) - xy
         else:
-            moved[:, k] = along_strokes(normals, whole, INFLATE_SIGMA, spacing)
+            moved[:, k] = along_strokes(normals, offsets, INFLATE_SIGMA, spacing)
     return moved
+
+
+def _cut_straight(xy: np.ndarray, offsets: np.ndarray, tolerance: float) -> np.ndarray:
+    """Lay points of curves (N, 2) on the chords that stay within `tolerance` px of them."""
+    out = np.empty_like(xy)
+    for a, b in zip(offsets[:-1], offsets[1:], strict=True):
+        keep = a + simplify(xy[a:b], tolerance)
+        for axis in (0, 1):
+            out[a:b, axis] = np.interp(np.arange(a, b), keep, xy[keep, axis])
+    return out
 
 
 def displaced(frame: Frame, weights: np.ndarray) -> np.ndarray:
