@@ -10,12 +10,41 @@ import numpy as np
 from ..extract.line_options import LineOptions
 from ..extract.lines import SurfaceLines
 from ..extract.pipeline import SeenLines, see_lines
-from ..geometry.curves import stretches
+from ..extract.visible import Fragments
+from ..geometry.curves import stretches, tangents
 from ..render.choice import drawn_points
 from ..render.plan import Planned, plan_strokes
 from ..render.style import Style
 from .frames import Shot
 from .places import Places
+
+TRACE = 3  # samples of lines, which lie about a px apart
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Points of all lines seen, about TRACE px apart, before strokes were made of them.
+
+    Parameters
+    ----------
+    xy, along : (n, 2), pixels of the canvas, and unit tangents there
+    face : (n,) int
+    point : (n, 3), where in space they lie
+    """
+
+    xy: np.ndarray
+    along: np.ndarray
+    face: np.ndarray
+    point: np.ndarray
+
+    @classmethod
+    def of(cls, fragments: Fragments) -> Traces:
+        """Take every so many of the points of what is seen of lines."""
+        assert fragments.point is not None  # of lines that a camera saw
+        curves = fragments.curves
+        rows = np.arange(0, len(curves.xy), TRACE)
+        along = tangents(curves.xy, curves.offsets)[rows]
+        return cls(curves.xy[rows], along, fragments.face[rows], fragments.point[rows])
 
 
 @dataclass(frozen=True)
@@ -30,7 +59,7 @@ class Candidates:
     places : of their points
     kind : (N,) int8, of the line that each point comes from
     part_face : (N,) int, the face whose part each point belongs to, or None where all is one part
-    seen : all that is seen of the lines, before the style chose among them
+    traces : what is seen of all lines, those included of which no stroke was made
     scale : how many px of the canvas one of the style's is
     """
 
@@ -40,7 +69,7 @@ class Candidates:
     places: Places
     kind: np.ndarray
     part_face: np.ndarray | None
-    seen: SeenLines
+    traces: Traces
     scale: float
 
 
@@ -74,7 +103,8 @@ def _plan(shot: Shot, lines: SurfaceLines, style: Style, seen: SeenLines) -> Can
     row = rows[near]
     places = Places.of(shot, seen.face[row], seen.point[row], planned.xy * scale)
     part_face = None if seen.part_face is None else seen.part_face[row]
-    return Candidates(shot, lines, planned, places, seen.kind[row], part_face, seen, scale)
+    traces = Traces.of(seen.fragments)
+    return Candidates(shot, lines, planned, places, seen.kind[row], part_face, traces, scale)
 
 
 def _drawn(

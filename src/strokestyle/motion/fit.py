@@ -35,5 +35,6 @@ def fitted(
     if len(rise):
         rise = ndimage.gaussian_filter1d(rise, SIGMA, mode="nearest")
     rise = mean + relax * (np.clip(rise, strain[0] * mean, strain[1] * mean) - mean)
-    out = np.r_[0.0, np.cumsum(rise * step)]
-    return np.asarray(out + np.mean(value - out[known]))
+    out = np.zeros(len(along))
+    np.cumsum(rise * step, out=out[1:])
+    return np.asarray(out + (value.sum() - out[known].sum()) / len(value))

@@ -9,14 +9,15 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from ..geometry.curves import arc, is_kind, runs, tangents
-from ..geometry.kinds import SOFT_KINDS
+from ..geometry.curves import arc, runs, tangents
+from ..geometry.kinds import KINDS
 from ..mesh.triangles import row_dot
 from ..render.plan import PULL
 from .candidates import Candidates
 from .fit import fitted
-from .sheets import FIXED_KINDS, Points, Run, extents
+from .sheets import FIXED, SOFT, Points, Run, extents
 
+CONTOUR = KINDS.index("contour")
 REACH = 10.0  # px of the style's canvas between a line and where the surface carried it
 NEIGHBOURS = 16  # points of sheets that are looked at for each of a stroke
 ANGLE = np.cos(np.radians(40.0))
@@ -93,7 +94,7 @@ def label_strokes(
     """
     matches, extent = (
         find_matches(here, old),
-        extents(old.take((old.age <= 1) | is_kind(old.kind, FIXED_KINDS))),
+        extents(old.take((old.age <= 1) | FIXED[old.kind])),
     )
     runs_found: list[Run] = []
     homeless: list[_Piece] = []
@@ -141,7 +142,7 @@ def find_matches(here: Candidates, old: Points) -> Matches:
     good &= np.abs(ahead) <= np.maximum(0.75 * gap[at], 2.0)
     good &= _alike(here, old, row, at)
     row, at, ahead, aside = row[good], at[good], ahead[good], aside[good]
-    soft = is_kind(here.kind, SOFT_KINDS)[row] != is_kind(old.kind, SOFT_KINDS)[at]
+    soft = SOFT[here.kind[row]] != SOFT[old.kind[at]]
     cost = aside / REACH + OTHER_CLASS * soft + 0.05 * np.minimum(old.age[at], 4)
     order = np.lexsort((cost + 0.05 * np.abs(ahead), old.sheet[at], row))
     first = runs(row[order], old.sheet[at][order])[:-1]
@@ -169,14 +170,14 @@ def _alike(here: Candidates, old: Points, row: np.ndarray, at: np.ndarray) -> np
     per_px = camera.focal / here.scale
     if camera.extent is None:
         per_px = per_px / max(float(np.median(depth)), 1e-6)
-    fixed = is_kind(here.kind, FIXED_KINDS)[row] & is_kind(old.kind, FIXED_KINDS)[at]
+    fixed = FIXED[here.kind[row]] & FIXED[old.kind[at]]
     good = np.abs(depth[row] - was[at]) * per_px <= np.where(fixed, *DEPTHS)
     right, down, _ = camera.axes
     screen = np.stack([right, down], axis=1)
     normal, before = (p.normals(here.shot) @ screen for p in (here.places, old.places))
     one, two = normal[row], before[at]
     size = np.maximum(np.hypot(*one.T) * np.hypot(*two.T), 1e-9)
-    contour = is_kind(here.kind, ("contour",))[row] & is_kind(old.kind, ("contour",))[at]
+    contour = (here.kind[row] == CONTOUR) & (old.kind[at] == CONTOUR)
     return good & (~contour | (row_dot(one, two) > FACING * size))
 
 
@@ -185,7 +186,7 @@ def _pieces(
 ) -> list[_Piece]:
     """Cut the planned stroke of rows a to b into pieces of one sheet, or none, each."""
     rows = np.arange(a, b)
-    closed = b - a > 3 and bool(np.allclose(here.planned.xy[a], here.planned.xy[b - 1]))
+    closed = b - a > 3 and bool(np.abs(here.planned.xy[a] - here.planned.xy[b - 1]).max() < 1e-6)
     if not len(matches.row):
         return [_Piece(rows, -1, np.full(len(rows), np.nan), closed)]
     sheets, column = np.unique(matches.sheet, return_inverse=True)
@@ -331,7 +332,7 @@ def _fitted(here: Candidates, piece: _Piece) -> Run:
     at, q = s[known], piece.along[known]
     span = max(float(at[-1] - at[0]), 1e-6)
     mean = float(np.clip((q.max() - q.min()) / span, 0.05, 20.0)) if span > FOLD else 1.0
-    fixed = is_kind(here.kind[piece.rows], FIXED_KINDS).mean() > 0.5
+    fixed = FIXED[here.kind[piece.rows]].mean() > 0.5
     strain, relax = (STRAIN_FIXED, 1.0) if fixed else (STRAIN, RELAX)
     along = fitted(s, piece.along, mean, strain, relax)
     return Run(piece.rows, piece.sheet, along, known)

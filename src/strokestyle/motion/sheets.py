@@ -19,17 +19,21 @@ from scipy.spatial import cKDTree
 from ..extract.eye import towards
 from ..extract.rays import Bvh
 from ..extract.view_curvature import closed_from
-from ..geometry.curves import is_kind, runs, tangents
+from ..geometry.curves import runs, tangents
+from ..geometry.kinds import KINDS, SOFT_KINDS
 from ..mesh.triangles import row_dot
 from .candidates import Candidates
 from .frames import Shot
 from .places import Places
 
 FIXED_KINDS = ("boundary", "crease", "ridge", "valley", "intersection", "section")
+FIXED = np.isin(KINDS, FIXED_KINDS)  # of each kind, whether its lines are fixed on the surface
+SOFT = np.isin(KINDS, SOFT_KINDS)
 PLANNED, TRACED, BARE = 2, 1, 0  # what there is of a line: a stroke, a line no stroke was made of
 GAP = 10.0  # px between points of a sheet that follow each other, at most
 STALE = 3  # frames for which a line that depends on the view is carried without being seen anew
-OWN, COVERED, TRACE = 5.0, 6.0, 8.0  # px; see `left_over`
+COVERED = 6.0  # px from a stroke, within which another line would double it
+TRACED_REACH = 8.0  # px between a line and where it was carried
 AWAY = 0.35  # n.v below -AWAY, smoothed normals and all, a closed surface cannot be seen
 PARALLEL = np.cos(np.radians(35.0))
 
@@ -187,11 +191,11 @@ def left_over(here: Candidates, old: Points, found: Points, moves: bool) -> Poin
     near, row = _beside(found, old, COVERED)
     own = near & seen & (found.sheet[row] == old.sheet if len(found) else near)
     traced, place = _traced(here, old)
-    fixed = is_kind(old.kind, FIXED_KINDS)
+    fixed = FIXED[old.kind]
     support = np.where(traced & seen, TRACED, BARE)
     age = np.where(traced & seen, 0, old.age + 1)
     kept = ~own & ((fixed & ~(moves & seen)) | (age <= STALE))
-    slid = traced & seen & ~(fixed & ~moves)
+    slid = traced & seen & (~fixed | moves)
     places = old.places
     face, bary, offset = places.face.copy(), places.bary.copy(), places.offset.copy()
     face[slid], bary[slid], offset[slid] = place.face[slid], place.bary[slid], place.offset[slid]
@@ -238,17 +242,15 @@ def _beside(found: Points, points: Points, reach: float) -> tuple[np.ndarray, np
 
 def _traced(here: Candidates, points: Points) -> tuple[np.ndarray, Places]:
     """Find lines under points that no stroke is made of: (P,) bool, and the places on them."""
-    fragments = here.seen.fragments
-    xy = fragments.curves.xy
-    if not len(xy) or not len(points):
+    traces = here.traces
+    if not len(traces.xy) or not len(points):
         return np.zeros(len(points), bool), points.places
-    away, row = cKDTree(xy).query(points.xy * here.scale, distance_upper_bound=TRACE * here.scale)
+    tree, reach = cKDTree(traces.xy), TRACED_REACH * here.scale
+    away, row = tree.query(points.xy * here.scale, distance_upper_bound=reach)
     near = away < np.inf
     row = np.where(near, row, 0)
-    along = tangents(xy, fragments.curves.offsets)
-    near &= np.abs(row_dot(along[row], points.tangents)) > PARALLEL
-    assert fragments.point is not None  # of lines that a camera saw
-    place = Places.of(here.shot, fragments.face[row], fragments.point[row], xy[row])
+    near &= np.abs(row_dot(traces.along[row], points.tangents)) > PARALLEL
+    place = Places.of(here.shot, traces.face[row], traces.point[row], traces.xy[row])
     return near, place
 
 

@@ -54,22 +54,15 @@ def track_frames(
     found = list(candidates(shots, style, options, spacing, optional))
     if not found:
         return []
-    count, order = len(found), np.arange(len(found))
-    first = 0
-    if loop:  # what comes before the first frame, and behind the last
-        order = np.arange(2 * count + min(AHEAD, count)) % count
-        first = count
+    count = len(found)
+    # of a loop, what comes before the first frame, and behind the last
+    ahead = min(AHEAD, count) if loop and count > 1 else 0
     follower = Follower()
-    start = max(first - AHEAD, 0)
-    frames = [follower.step(found[i]) for i in order][start:]
+    frames = [follower.step(found[i % count]) for i in range(-ahead, count + ahead)]
     composed = _composed(frames, style)
-    if loop:
-        composed = close(composed, first - start, count)
-    else:
-        composed = composed[first - start :]
-    return [
-        make_frame(found[i], style, frames[first - start + i], composed[i]) for i in range(count)
-    ]
+    if ahead:
+        composed, frames = close(composed, ahead, count), frames[ahead:]
+    return [make_frame(found[i], style, frames[i], composed[i]) for i in range(count)]
 
 
 def _composed(frames: list[Points], style: Style) -> list[list[Composed]]:
