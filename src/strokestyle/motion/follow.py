@@ -18,6 +18,8 @@ class Follower:
     def __init__(self) -> None:
         self.count = 0
         self.period: dict[int, float] = {}
+        self.steps = 0
+        self.cuts: set[int] = set()  # the steps at which another scene begins
         self.points = Points.none()
         self.before: Candidates | None = None
 
@@ -27,6 +29,8 @@ class Follower:
         moves = before is not None and before.shot.surface is not here.shot.surface
         if self._is_cut(old, here):
             old, before = Points.none(), None
+            self.cuts.add(self.steps)
+        self.steps += 1
         may = old.take(old.seen | (old.age <= FRESH))
         runs = label_strokes(here, may, self.period, self._begin)
         found = found_points(here, runs, before)

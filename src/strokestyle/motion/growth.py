@@ -50,18 +50,23 @@ class _Moment(NamedTuple):
 
 
 def grow(
-    frames: list[list[Stroke]], places: list[list[np.ndarray]], fates: list[Fate]
+    frames: list[list[Stroke]],
+    places: list[list[np.ndarray]],
+    fates: list[Fate],
+    cuts: set[int] | None = None,
 ) -> list[list[Grown]]:
     """Limit how far ends of strokes move a frame where no occlusion moves them.
 
     A stroke that appears where one saw the bare surface before is drawn from its start, over some
     frames; one that vanishes leaves from its end. An end that jumps does alike. Where an
     end moves because something is revealed or hidden, it moves at once. What lives for less than
-    LEAST_LIFE frames is not drawn.
+    LEAST_LIFE frames is not drawn, unless it is because another scene begins, as at `cuts`.
     """
+    ends = {0, len(frames), *(cuts or ())}
     out: list[list[Grown]] = [[] for _ in frames]
     for life in _lives(frames, places, fates):
-        if len(life) < min(LEAST_LIFE, len(frames)):
+        t = life[0].frame
+        if len(life) < LEAST_LIFE and not {t, t + len(life)} & ends:
             continue
         for moment, low, high in zip(life, *_limits(life), strict=True):
             grown = _limited(moment, low, high)

@@ -216,13 +216,18 @@ def _pieces(
 def _beginning(cost: np.ndarray, along: np.ndarray) -> int:
     """Choose the point at which a closed stroke begins, of costs and places (n, S + 1)."""
     label = cost.argmin(axis=1)
+    most = int(np.bincount(label).argmax())
+    known = np.flatnonzero(np.isfinite(along[:-1, most]))
+    if len(known) > 1 and most < along.shape[1] - 1:
+        q = along[known, most]
+        jump = np.abs(np.diff(q, append=q[0]))
+        if jump.max() > max(FOLD, 0.5 * np.ptp(q)):
+            return int(known[(int(jump.argmax()) + 1) % len(known)])
     change = np.flatnonzero(label[1:] != label[:-1]) + 1
-    if len(change):
-        firm = ndimage.uniform_filter1d(cost.min(axis=1), 9, mode="wrap")[change]
-        return int(change[firm.argmin()])
-    q = along[:, label[0]]
-    jump = np.nan_to_num(np.abs(np.diff(q)))
-    return int(jump.argmax()) + 1 if len(jump) and jump.max() > FOLD else 0
+    if not len(change):
+        return 0
+    firm = ndimage.uniform_filter1d(cost.min(axis=1), 9, mode="wrap")[change]
+    return int(change[firm.argmin()])
 
 
 def _smoothed_labels(cost: np.ndarray) -> np.ndarray:

@@ -42,8 +42,11 @@ class Fate:
     vanishes: np.ndarray
 
 
-def decide(frames: list[Points]) -> list[Fate]:
-    """Decide what is drawn of all frames' points."""
+def decide(frames: list[Points], cuts: set[int] | None = None) -> list[Fate]:
+    """Decide what is drawn of all frames' points; nothing grows or tapers off over `cuts`.
+
+    Those are the frames at which another scene begins.
+    """
     sheets, pieces = _pieces(frames)
     fates = [Fate(*np.zeros((3, len(points)), bool)) for points in frames]
     size = max(1, CELLS // max(len(frames), 1))
@@ -53,6 +56,10 @@ def decide(frames: list[Points]) -> list[Fate]:
         for fate, row, now in zip(fates, rows, _decide_some(some), strict=True):
             for name in ("drawn", "appears", "vanishes"):
                 getattr(fate, name)[row] = getattr(now, name)
+    for t in cuts or ():
+        fates[t].appears[:] = False
+        if t:
+            fates[t - 1].vanishes[:] = False
     return fates
 
 

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from ..extract.eye import towards
 from ..extract.rays import Bvh
 from ..extract.view_curvature import closed_from
-from ..geometry.curves import runs, tangents
+from ..geometry.curves import owner, runs, tangents
 from ..geometry.kinds import KINDS, SOFT_KINDS
 from ..mesh.triangles import row_dot
 from .candidates import Candidates
@@ -55,7 +55,8 @@ class Points:
     new : (P,) bool, the sheet was not there in the frame before, though one saw the surface
     age : (P,) int, frames since a line was found there
     part_face : (P,) int, the face whose part a point belongs to
-    row : (P,) int, the point of the planned strokes that it is; -1 for none
+    row : (P,) int, the point of the planned strokes that it is, counted with one left out between
+        two strokes; -1 for none
     """
 
     sheet: np.ndarray
@@ -167,7 +168,7 @@ def found_points(here: Candidates, runs: list[Run], before: Candidates | None) -
     xy, kind, yes = here.planned.xy[rows], here.kind[rows], ~no
     return Points(
         sheet, along, places, xy, kind, np.full(count, PLANNED), yes, no, new,
-        np.zeros(count, np.int64), part, rows,
+        np.zeros(count, np.int64), part, rows + owner(here.planned.offsets)[rows],
     )  # fmt: skip
 
 

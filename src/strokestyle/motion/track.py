@@ -59,15 +59,15 @@ def track_frames(
     ahead = min(AHEAD, count) if loop and count > 1 else 0
     follower = Follower()
     frames = [follower.step(found[i % count]) for i in range(-ahead, count + ahead)]
-    composed = _composed(frames, style)
+    composed = _composed(frames, follower.cuts, style)
     if ahead:
         composed, frames = close(composed, ahead, count), frames[ahead:]
     return [make_frame(found[i], style, frames[i], composed[i]) for i in range(count)]
 
 
-def _composed(frames: list[Points], style: Style) -> list[list[Composed]]:
+def _composed(frames: list[Points], cuts: set[int], style: Style) -> list[list[Composed]]:
     """Compose the strokes of frames one after the other."""
-    fates = decide(frames)
+    fates = decide(frames, cuts)
     strokes = name_strokes(frames, fates)
     kinds = _kinds(frames, strokes)
     lines = [
@@ -76,7 +76,7 @@ def _composed(frames: list[Points], style: Style) -> list[list[Composed]]:
     ]
     places = anchor(strokes, lines)
     out = []
-    for t, some in enumerate(grow(strokes, places, fates)):
+    for t, some in enumerate(grow(strokes, places, fates, cuts)):
         composed = []
         for one in some:
             stroke, place = strokes[t][one.stroke], places[t][one.stroke]
