@@ -67,6 +67,7 @@ SAME = 4.0  # px between two places that are one place of one line
 FOLLOW = (
     3.0  # px that a line is found off from one substep to the next, in the picture and in depth
 )
+OTHER_KIND = 0.8  # what going on as another kind of line is worth beside going on as the same
 PARALLEL = 0.6  # least cosine between strokes along each other
 MOST, GOOD = 0.5, 0.2  # shares of a stroke
 BEGIN = 10.0  # px
@@ -344,17 +345,23 @@ def link(one: Marks, two: Marks, at: np.ndarray, seen: np.ndarray) -> Link:
             away, near = trees[j].query(at[ask])
             turn = (one.heading[ask] * two.heading[two.rows[j][near]]).sum(axis=1)
             spans[j] = np.where(np.abs(turn) > PARALLEL, away, np.inf), near
-        while open_.any() and spans:  # the stroke that takes the most of what is left, again
-            takes = {j: int((open_ & (away < SAME)).sum()) for j, (away, _) in spans.items()}
-            best = max(takes, key=lambda j: (takes[j], -j))
-            if not takes[best]:
-                break
+        own = int(one.drawing.strokes.kind[i])
+        # the stroke that takes the most of what is left, again; of two side by side the nearer one
+        while open_.any() and spans:
+            worth = {
+                j: float(np.maximum(1 - away[open_] / SAME, 0).sum())
+                * (1.0 if two.drawing.strokes.kind[j] == own else OTHER_KIND)
+                for j, (away, _) in spans.items()
+            }
+            best = max(worth, key=lambda j: (worth[j], -j))
             away, near = spans.pop(best)
             got = open_ & (away < SAME)
+            if not got.any():
+                break
             heir[ask[got]], mark[ask[got]] = best, two.rows[best][near[got]]
             open_ &= ~got
             main[i] = best if main[i] < 0 else main[i]
-            many[i] += takes[best] >= GOOD * len(ask) and takes[best] * STEP > BEGIN
+            many[i] += got.sum() >= GOOD * len(ask) and got.sum() * STEP > BEGIN
         kept[i] = 1 - open_.mean()
     return Link(at, seen, heir, mark, share, main, kept, many)
 
