@@ -12,6 +12,7 @@ from strokestyle.batch.plan import (
     numbered_output,
     picture_suffix,
     plan_outputs,
+    split_list,
 )
 
 
@@ -65,6 +66,40 @@ def test_what_does_not_go_together_is_refused_without_a_trace(here, shapes, outp
     with pytest.raises(UnclearOutput, match=words):
         plan_outputs(shapes, output)
     assert sorted(os.listdir(here)) == ["in"]
+
+
+def test_folders_are_mirrored(here):
+    for name in ("a/x.obj", "b/c/x.obj", "b/x.ply"):
+        path = here / "deep" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("shape")
+    out = [("deep/a/x.obj", "out/a/x.svg"), ("deep/b/c/x.obj", "out/b/c/x.svg"),
+           ("deep/b/x.ply", "out/b/x.svg")]  # fmt: skip
+    assert plan_outputs(["deep"], "out", mirror=True) == out
+    assert plan_outputs([shape for shape, _ in out], "out/", mirror=True) == out
+    assert plan_outputs(["deep/b", "in/b.ply"], "n/", mirror=True)[-1] == ("in/b.ply", "n/b.svg")
+    assert sorted(os.listdir(here / "out" / "b")) == ["c"]
+    with pytest.raises(UnclearOutput, match="mirrored in a folder"):
+        plan_outputs(["deep/b/x.ply"], "x.svg", mirror=True)
+    (here / "deep/b/x.obj").write_text("shape")
+    with pytest.raises(UnclearOutput, match="x.obj and deep/b/x.ply would both be written"):
+        plan_outputs(["deep"], "out/", mirror=True)
+
+
+@pytest.mark.parametrize(
+    "data, names",
+    [
+        (b"a.obj\nb c.obj\n", ["a.obj", "b c.obj"]),
+        (b"a.obj\r\n\r\n \t\r\n b .obj \r\n", ["a.obj", " b .obj "]),
+        (b"\xef\xbb\xbfa.obj", ["a.obj"]),
+        (b"a\nb.obj\0\0c.obj", ["a\nb.obj", "c.obj"]),
+        (b"\xff.obj\n", [os.fsdecode(b"\xff.obj")]),
+        (b"", []),
+        (b"\n\r\n\0", []),
+    ],
+)
+def test_a_list_has_a_file_a_line_or_nuls_in_between(data, names):
+    assert split_list(data) == names
 
 
 def test_an_input_is_not_overwritten_and_a_missing_folder_is_named(here):

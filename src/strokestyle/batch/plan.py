@@ -100,8 +100,8 @@ def split_list(data: bytes) -> list[str]:
         names = data.split(b"\0")
     else:
         lines = data.removeprefix(b"\xef\xbb\xbf").split(b"\n")
-        names = [b"" if line.isspace() else line.removesuffix(b"\r") for line in lines]
-    return [os.fsdecode(name) for name in names if name]
+        names = [line.removesuffix(b"\r") for line in lines]
+    return [os.fsdecode(name) for name in names if name.strip()]
 
 
 def find_shapes(paths: Sequence[str]) -> list[str]:

@@ -197,6 +197,8 @@ def _outcomes(recipe: Recipe, jobs: Sequence[Job], running: Running) -> Iterator
 
     So no large one is left for the end, when the other workers have nothing to do.
     """
+    if not jobs:
+        return iter(())
     if running.folder is None and running.limits is None and running.scheduler is None:
         return map(functools.partial(draw_here, recipe), jobs)
     from ..batch.pool import draw_in_workers
@@ -334,9 +336,9 @@ def _follow(
             for outcome in outcomes:
                 if journal:
                     journal.add(outcome)
+                display.step(outcome.shape, outcome.drawn)
                 _say(outcome)
                 _print(outcome, running.tell)
-                display.step(outcome.shape, outcome.drawn)
     except KeyboardInterrupt:
         if journal is None:
             raise
