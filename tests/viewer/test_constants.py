@@ -14,7 +14,7 @@ from strokestyle.viewer.constants import shared_constants
 
 MODULES = {"ribbon": ribbon, "edit": edit, "outline": outline, "strip": strip, "ink": ink}
 MODULES |= {"tones": tones, "format": format}
-SCRIPTS = {name: page._text(name) for name in page.PAINTER + page.SCRIPTS}
+SCRIPTS = {name: page.page_text(name) for name in page.PAINTER + page.SCRIPTS}
 TAKEN = re.compile(r"const \{([^}]*)\} = CONSTANTS\.(\w+);")
 
 
