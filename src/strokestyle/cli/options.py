@@ -433,7 +433,10 @@ file_options = OptionGroup(
         help="Licence, likewise: CC-BY-4.0, CC0-1.0 ..., a URL, or other words.",
     ),
     click.option(
-        "--background", metavar="COLOR", help="A paper rectangle under the strokes, as #rrggbb."
+        "--background",
+        metavar="COLOR",
+        help="A paper rectangle under the strokes, as #rrggbb. Films are white without; none "
+        "leaves them transparent.",
     ),
     click.option(
         "--plotter", is_flag=True, default=None, help="Centre lines only, in mm, for pen plotters."

@@ -131,7 +131,7 @@ Examples:
     type=click.FloatRange(0.1, 16),
     default=1.0,
     show_default=True,
-    help="Preview pixels per SVG pixel.",
+    help="Pixels of previews and films per SVG pixel.",
 )
 @file_options
 @click.option(
