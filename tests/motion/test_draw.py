@@ -7,8 +7,11 @@ import pytest
 
 from strokestyle.drawing.strokes import paint_order
 from strokestyle.geometry.parts import Parts
+from strokestyle.motion.chance import Luck, TrackChance
 from strokestyle.motion.draw import draw_frames
+from strokestyle.motion.lay import lay_frame
 from strokestyle.render.features import FEATURES
+from strokestyle.render.quilt import synthesise
 from strokestyle.render.residuals import Residuals
 from strokestyle.render.restating import Restating
 from strokestyle.render.texture_bank import ROWS
@@ -318,3 +321,17 @@ def test_what_auto_means_is_decided_once():
     for first, then, texture in ((grain, even, "vector"), (even, grain, "image")):
         texts = list(write_frames([first, then]))
         assert [f"texture={texture}" in text for text in texts] == [True, True]
+
+
+def test_a_short_stroke_is_as_dark_as_in_a_drawing_of_its_own():
+    bank = a_grain()
+    near = np.minimum(bank.ends.min(axis=1), 40)[:, None]
+    rgba = bank.rgba.copy()
+    rgba[..., 3] = np.clip(rgba[..., 3] + 60 - 2.5 * near, 0, 255)  # fainter far from the ends
+    style = a_hand(**PLAIN, bank=replace(bank, rgba=rgba))
+    frames = [a_frame(style, a_line(0, straight(60, 110 + i, 90))) for i in range(4)]
+    chance = TrackChance(Luck(0), style.config.spacing)
+    laid = lay_frame(style, frames[0], 0, {0: 0}, None, chance)
+    still, _ = synthesise(style.bank, laid.strokes, laid.features, 1)
+    moving = drawn(style, frames)[0].texture
+    assert moving.rgba[..., 3].mean() == pytest.approx(still.rgba[..., 3].mean(), rel=0.05)

@@ -151,11 +151,13 @@ def _together(some: list[Points]) -> Points:
 
 
 def _survey(points: Points, margin: float) -> TrackSurvey:
-    low, high = np.floor(points.place.min()), points.place.max()
-    body = _means(points, points.place, float(low), float(high))
-    ends = np.full((len(body), 2), END)
+    low, high = float(np.floor(points.place.min())), float(points.place.max())
+    # Beside an end other texture is laid than in the midst of a stroke. Where ends come and go it
+    # is that of neither; but for the tips, nothing lies on an end.
+    asked = np.concatenate([points.wanted, np.clip(points.ends, TIP, END)], axis=1)
+    body = _means(points.place, asked, points.weight, low, high)
     return TrackSurvey(
-        Survey(float(low), body, ends), _survey_of_tip(points, 0, margin),
+        Survey(low, body[:, :-2], body[:, -2:]), _survey_of_tip(points, 0, margin),
         _survey_of_tip(points, 1, margin),
     )  # fmt: skip
 
@@ -169,11 +171,9 @@ def _survey_of_tip(points: Points, k: int, margin: float) -> Survey:
     cap = distance < 0
     half = np.average(points.wanted[cap, WIDTH], weights=points.weight[cap]) / 2 + margin
     near = np.flatnonzero(distance < TIP + SEAM + NODE)
-    some = Points(
-        np.array([0, len(near)]), points.place[near], points.ends[near], points.wanted[near],
-        points.weight[near],
-    )  # fmt: skip
-    wanted = _means(some, np.maximum(some.ends[:, k], 0.0), 0.0, TIP + SEAM)
+    wanted = _means(
+        np.maximum(distance[near], 0.0), points.wanted[near], points.weight[near], 0.0, TIP + SEAM
+    )
     beyond = int(np.ceil(half * ROWS))
     wanted = np.concatenate([np.repeat(wanted[:1], beyond, axis=0), wanted])
     ends = np.full((len(wanted), 2), END)
@@ -182,12 +182,17 @@ def _survey_of_tip(points: Points, k: int, margin: float) -> Survey:
     return Survey(-beyond / ROWS, wanted[back], ends[back])
 
 
-def _means(points: Points, at: np.ndarray, low: float, high: float) -> np.ndarray:
-    """The means (R, 5) of what is wanted at rows from `low` to `high` px, from cells of NODE px."""
+def _means(
+    at: np.ndarray, values: np.ndarray, weight: np.ndarray, low: float, high: float
+) -> np.ndarray:
+    """The weighted means (R, k) of values (N, k) at px `at` (N,), at rows from `low` to `high` px.
+
+    They are taken in cells of NODE px; between these, and where nothing is known, interpolated.
+    """
     cells = max(1, int(np.ceil((high - low) / NODE)))
     cell = np.clip(((at - low) / NODE).astype(np.int64), 0, cells - 1)
-    total = np.bincount(cell, points.weight, cells)
-    sums = [np.bincount(cell, points.weight * column, cells) for column in points.wanted.T]
+    total = np.bincount(cell, weight, cells)
+    sums = [np.bincount(cell, weight * column, cells) for column in values.T]
     some = np.flatnonzero(total > 0)
     middle = low + (some + 0.5) * NODE
     row = low + (np.arange(max(2, int(np.ceil((high - low) * ROWS)))) + 0.5) / ROWS
