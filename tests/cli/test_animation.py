@@ -130,7 +130,7 @@ def test_on_twos_each_drawing_is_held(studio, tmp_path):
 
 
 def test_scale_rate_and_background_of_films(studio, tmp_path):
-    common = ("--turntable", "2", "--fps", "25", "--png-scale", "1.5")
+    common = ("--turntable", "2", "--still", "--fps", "25", "--png-scale", "1.5")
     draw(studio, *common, "-o", tmp_path / "a.webp", "-o", tmp_path / "a.gif", "--background",
          "#ffeecc")  # fmt: skip
     for film in ("a.webp", "a.gif"):
@@ -190,7 +190,9 @@ def test_what_cannot_be_written_is_said_before_anything_is_drawn(studio, tmp_pat
     wrong(studio, *turn, "-o", "a.gif", shape=["ring.obj", "walk/w1.obj"],
           words=["a film is of one shape, not of 2", "--sequence"])  # fmt: skip
     assert not list(tmp_path.iterdir())
-    draw(studio, *turn, "-o", "a.gif", "--fps", "60", "--on-twos")  # 30 drawings a second
+    draw(
+        studio, *turn, "-o", "a.gif", "--fps", "60", "--on-twos", "--still"
+    )  # 30 drawings a second
 
 
 def test_several_shapes_turn_into_a_folder(studio, tmp_path):

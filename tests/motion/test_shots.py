@@ -9,7 +9,13 @@ from shapes import sphere
 from strokestyle.extract.camera import Camera, fit_camera
 from strokestyle.extract.turntable import turntable
 from strokestyle.mesh.surface import make_surface
-from strokestyle.motion.shots import load_cameras, path_shots, turntable_shots, views_of_shots
+from strokestyle.motion.shots import (
+    load_cameras,
+    path_shots,
+    shots_between,
+    turntable_shots,
+    views_of_shots,
+)
 
 CAMERA = Camera([0, 1, 3], [0, 0, 0], [0, 1, 0], 30, 64, 48)
 
@@ -26,6 +32,15 @@ def test_a_turntable_shows_what_the_extractors_does(ball):
         assert shot.surface is ball and shot.camera.to_dict() == view.camera.to_dict()
         assert np.array_equal(again.curves.xy, view.curves.xy)
         assert np.array_equal(again.maps.values, view.maps.values)
+
+
+def test_between_the_frames_of_a_turntable_are_shots_where_they_are_few(ball):
+    assert [shots_between(n) for n in (1, 4, 6, 23, 24, 25, 36, 3600)] == [24, 6, 4, 2, 1, 1, 1, 1]
+    fine = turntable_shots(ball, CAMERA, 4 * shots_between(4))
+    for shot, close in zip(
+        turntable_shots(ball, CAMERA, 4), fine[:: shots_between(4)], strict=True
+    ):
+        assert np.allclose(shot.camera.eye, close.camera.eye)
 
 
 def test_frames_of_a_shape_turn_with_it(ball):

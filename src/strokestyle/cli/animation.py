@@ -20,6 +20,8 @@ from .progress import FrameDisplay
 from .shape import Shape
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ..batch.outcome import Drawn
     from ..batch.plan import Job
     from ..drawing.strokes import Drawing
@@ -356,7 +358,6 @@ class Moving:
 
     def shots(self) -> list[Shot]:
         """What each frame shows."""
-        from ..extract.camera import up_axis
         from ..motion.shots import load_cameras, path_shots, turntable_shots
 
         count, path = self.options.get("turntable"), self.options.get("cameras")
@@ -369,9 +370,29 @@ class Moving:
         if path:
             return path_shots(surfaces, cameras)
         if count:
-            up = None if self.options.get("camera") else up_axis(self.options.get("up") or "y")
-            return turntable_shots(surfaces, self.camera(), count, up)
+            return turntable_shots(surfaces, self.camera(), count, self._axis())
         return path_shots(surfaces, [self.camera()] * len(surfaces))
+
+    def close_shots(self, shots: list[Shot]) -> tuple[list[Shot], int]:
+        """Shots so close that lines are known again from one to the next, and which are frames.
+
+        Every so manieth is one. A turntable has shots between its frames where those are few; what
+        else moves is taken as it is.
+        """
+        from ..motion.shots import shots_between, turntable_shots
+
+        count = self.options.get("turntable")
+        if not count or self.animation.sequence or shots_between(count) == 1:
+            return shots, 1
+        every = shots_between(count)
+        axis = self._axis()
+        return turntable_shots(shots[0].surface, shots[0].camera, every * count, axis), every
+
+    def _axis(self) -> np.ndarray | None:
+        """The upright axis of a turntable; None for the camera's own."""
+        from ..extract.camera import up_axis
+
+        return None if self.options.get("camera") else up_axis(self.options.get("up") or "y")
 
     def _check_count(self, count: int, what: str) -> None:
         frames = self.animation.sequence
@@ -390,11 +411,10 @@ def draw_animation(animation: Animation, style: Style | NeuralStrokesStyle, job:
 
     moving = Moving(job.shape, animation)
     shots = moving.shots()
-    seen = shots[:: animation.exposure]
     written = Written(animation, job, len(shots), shots[0].camera)
     strokes: list[int] = []
     with FrameDisplay() as display, written:
-        drawn = counted(drawings(animation, style, moving, seen, display), strokes)
+        drawn = counted(drawings(animation, style, moving, shots, display), strokes)
         for text in texts(animation, drawn, written.look):
             written.add(text)
         written.finish()
@@ -437,9 +457,10 @@ def drawings(
     options, shape = animation.options, moving.shape
     if isinstance(style, Style) and not options.get("still"):
         optional = style.choice is not None and style.choice.optional is not None
+        close, every = moving.close_shots(shots)
         with timed("strokes from frame to frame"), told_warnings():
             frames = track_frames(
-                display.stage("lines", shots, len(shots)),
+                display.stage("lines", close, len(close)),
                 style,
                 shape.line_options(),
                 shape.spacing(),
@@ -447,14 +468,17 @@ def drawings(
                 loop=animation.loops,
             )
         warn_of_kinds(shape.path, unknown_in_shot(shots[0], frames, style, shape))
+        # those between two drawings are followed too: so lines are known again over smaller steps
+        frames = frames[:: every * animation.exposure]
         drawn = draw_frames(style, frames, animation.seed, animation.boil)
-        yield from display.stage("drawing", drawn, len(shots))
+        yield from display.stage("drawing", drawn, len(frames))
         return
     if not options.get("still"):
         say(
             f"{shape.path}: the networks of {animation.model} draw each frame on its own, as with "
             "--still: strokes do not persist"
         )
+    shots = shots[:: animation.exposure]
     yield from display.stage("drawing", stills(animation, style, moving, shots), len(shots))
 
 

@@ -17,6 +17,13 @@ from ..geometry.curves import DEFAULT_SPACING
 from ..mesh.surface import Surface
 from .frames import Shot
 
+MAX_TURN = 15.0  # degrees between shots over which lines are known again
+
+
+def shots_between(count: int) -> int:
+    """Tell into how many steps each of a turntable's `count` is to be cut to follow its lines."""
+    return int(np.ceil(360.0 / count / MAX_TURN - 1e-9))
+
 
 def turntable_shots(
     surfaces: Surface | Sequence[Surface],
