@@ -14,12 +14,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from ..drawing.ribbon import ribbon
 from ..drawing.strokes import Strokes, Texture
-from ..geometry.curves import owner
+from ..geometry.curves import owner, take_ragged
 from ..render.quilt import FEATHER, STEP, choose_runs, lay_rows, stretched, texels, with_ink
 from ..render.texture_bank import ROWS, Rows, TextureBank, bank_columns
 from ..svg.ink import inks
@@ -39,6 +40,7 @@ from .survey import (
 )
 
 OFFERED = 2 * ROWS  # each so-manieth row of the bank may begin a run
+CHUNK = 2048  # rows that are laid at a time
 MOVED_ON = 37  # sources by which the chance of a node differs from that of the one before
 TIP_SHARE = 0.4  # of a stroke's length: on a short one tips are no longer than this
 
@@ -134,15 +136,19 @@ class TrackTextures:
     def strips(self, laid: Laid, points: Points, number: int) -> Texture:
         """The texture of the strokes of frame `number`."""
         margin, names = self.bank.margin, names_of(laid)
+        seen = [_seen(laid.strokes, i, points.of(i), margin) for i in range(len(names))]
+        offsets = np.cumsum([0] + [len(one.place) for one in seen])
+        rgba = np.empty((offsets[-1], self.columns, 4), np.uint8)
         own = self._of_drawing(names, points, number)
-        strips = []
-        for i, name in enumerate(names):
-            sheet = self.sheet if own is None or name not in own.tracks else own
-            seen = _seen(laid.strokes, i, points.of(i), margin)
-            strips.append(self._strip(sheet, name, seen))
-        offsets = np.cumsum([0] + [len(strip) for strip in strips])
+        anew = np.array([own is not None and name in own.tracks for name in names])
+        for sheet, some in ((self.sheet, ~anew), (own, anew)):
+            index = np.flatnonzero(some)
+            if sheet is not None and len(index):
+                rows, _ = take_ragged(offsets, index)
+                strokes = [(sheet.tracks[names[i]], seen[i]) for i in index.tolist()]
+                rgba[rows] = self._strips(sheet, strokes)
         levels = np.stack([self.opacities[name] for name in names])
-        return Texture(np.concatenate(strips), offsets, np.full(len(names), margin), levels)
+        return Texture(rgba, offsets, np.full(len(names), margin), levels)
 
     @cached_property
     def opacities(self) -> dict[Name, np.ndarray]:
@@ -207,53 +213,83 @@ class TrackTextures:
         }
         return _Sheet(tracks, layer, wanted, laid.ink[back])
 
-    # --------------------------------------------------------------------------------- one stroke
+    # -------------------------------------------------------------------------------- one frame
 
-    def _strip(self, sheet: _Sheet, name: Name, seen: _Seen) -> np.ndarray:
-        """The rows (n, A, 4) uint8 of a stroke, straight."""
-        track = sheet.tracks[name]
-        body = track.body
-        out, ink = self._rows(sheet, body.rows, (seen.place - body.low) * ROWS - 0.5, seen)
-        reach = min(TIP, TIP_SHARE * (seen.ends[0, 0] + seen.ends[0, 1]))
-        for k, tip in enumerate(track.tips):
-            near = np.flatnonzero(seen.ends[:, k] < reach + 2.0)
-            if not len(near):
-                continue
-            part = seen.take(near)
-            distance = part.ends[:, k]
-            inward = np.where(distance < 0, distance * (-tip.low / part.half[k]), distance)
-            at = (inward - tip.low) * ROWS - 0.5
-            count = tip.rows.stop - tip.rows.start
-            over, _ = self._rows(sheet, tip.rows, count - 1 - at if k else at, part)
-            away = ((reach - distance)[:, None] - track.seam[k]) * ROWS
-            weight = np.clip(away / FEATHER + 0.5, 0.0, 1.0)[..., None].astype(np.float32)
-            out[near] = out[near] * (1 - weight) + over * weight
+    def _strips(self, sheet: _Sheet, strokes: list[tuple[_TrackStrips, _Seen]]) -> np.ndarray:
+        """The rows (R, A, 4) uint8 of strokes, straight, one stroke after the other."""
+        asked = [_asked(track.body, seen, seen.place - track.body.low) for track, seen in strokes]
+        out, ink = self._rows(sheet, _Asked(*map(np.concatenate, zip(*asked, strict=True))))
+        begin = np.cumsum([0] + [len(seen.place) for _, seen in strokes])
+        for k in (0, 1):
+            tips, rows, away = [], [], []
+            for (track, seen), first in zip(strokes, begin.tolist(), strict=False):
+                reach = min(TIP, TIP_SHARE * (seen.ends[0, 0] + seen.ends[0, 1]))
+                near = np.flatnonzero(seen.ends[:, k] < reach + 2.0)
+                tips.append(_asked_of_tip(track.tips[k], seen.take(near), k))
+                rows.append(first + near)
+                away.append((reach - seen.ends[near, k])[:, None] - track.seam[k])
+            over, _ = self._rows(sheet, _Asked(*map(np.concatenate, zip(*tips, strict=True))))
+            at = np.concatenate(rows)
+            weight = np.clip(np.concatenate(away) * (ROWS / FEATHER) + 0.5, 0.0, 1.0)
+            weight = weight[..., None].astype(np.float32)
+            out[at] = out[at] * (1 - weight) + over * weight
         return _with_color(out, ink) if self.opacity else texels(out)
 
-    def _rows(
-        self, sheet: _Sheet, rows: slice, at: np.ndarray, seen: _Seen
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Rows `at` (n,) float of some of a sheet's, with the width and ink wanted in a frame.
+    def _rows(self, sheet: _Sheet, asked: _Asked) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of a sheet (n, A, K), premultiplied, and their ink, (n, 4)."""
+        here = np.rint(asked.at).astype(np.int64)
+        had, ink = sheet.wanted[here], sheet.ink[here]
+        wanted = ink + asked.wanted[:, INK] - had[:, INK]
+        width = asked.wanted[:, WIDTH].astype(np.float32)
+        out = np.empty((len(here), *sheet.layer.shape[1:]), np.float32)
+        for a in range(0, len(here), CHUNK):
+            part = slice(a, a + CHUNK)
+            layer = _between_rows(sheet.layer, asked, part)
+            layer = stretched(layer, had[part, WIDTH], width[part], self.bank.margin, self.columns)
+            layer = np.clip(layer, 0.0, 1.0, out=layer)
+            out[part] = with_ink(layer, ink[part], wanted[part])
+        return out, wanted
 
-        Returns them, (n, A, K) premultiplied, and their ink, (n, 4).
-        """
-        at = np.clip(at, 0.0, rows.stop - rows.start - 1.0)
-        row = at.astype(np.int64)
-        low, high = max(row[[0, -1]].min() - 1, 0), row[[0, -1]].max() + 3
-        some = sheet.layer[rows][low:high].astype(np.float32)
-        weights = (spline_weights(at - row) / 255.0).astype(np.float32)[..., None, None]
-        last = len(some) - 1
-        layer = weights[:, 0] * some[np.clip(row - 1 - low, 0, last)]
-        for k in range(1, 4):
-            layer += weights[:, k] * some[np.clip(row + k - 1 - low, 0, last)]
-        here = np.rint(at).astype(np.int64)
-        had, ink = sheet.wanted[rows][here], sheet.ink[rows][here]
-        wanted = ink + seen.wanted[:, INK] - had[:, INK]
-        layer = stretched(
-            layer, had[:, WIDTH], seen.wanted[:, WIDTH].astype(np.float32), self.bank.margin,
-            self.columns,
-        )  # fmt: skip
-        return with_ink(np.clip(layer, 0.0, 1.0, out=layer), ink, wanted), wanted
+
+class _Asked(NamedTuple):
+    """Rows that are asked for.
+
+    `at` (n,) float are rows of a sheet, between `low` and `high` (n,); `wanted` (n, 5) is ink and
+    width that they shall have.
+    """
+
+    at: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    wanted: np.ndarray
+
+
+def _asked(strip: _Strip, seen: _Seen, px: np.ndarray) -> _Asked:
+    """Ask for the rows of a strip at px (n,) from where it begins."""
+    low, high = strip.rows.start, strip.rows.stop - 1
+    at = np.clip(px * ROWS - 0.5 + low, low, high)
+    return _Asked(at, np.full(len(px), low), np.full(len(px), high), seen.wanted)
+
+
+def _asked_of_tip(tip: _Strip, seen: _Seen, k: int) -> _Asked:
+    """Ask for the rows of a first tip (k = 0) or a last one, as far from the end as is seen.
+
+    What lies past the end is as long as the stroke is wide.
+    """
+    distance = seen.ends[:, k]
+    px = np.where(distance < 0, distance * (-tip.low / seen.half[k]), distance) - tip.low
+    return _asked(tip, seen, (tip.rows.stop - tip.rows.start) / ROWS - px if k else px)
+
+
+def _between_rows(layer: np.ndarray, asked: _Asked, part: slice) -> np.ndarray:
+    """Interpolate rows of a layer (R, A, K) uint8: (n, A, K) float32, about in [0, 1]."""
+    at, low, high = asked.at[part], asked.low[part], asked.high[part]
+    row = at.astype(np.int64)
+    weights = (spline_weights(at - row) / 255.0).astype(np.float32)[..., None, None]
+    out = weights[:, 0] * layer[np.maximum(row - 1, low)]
+    for k in (1, 2, 3):
+        out += weights[:, k] * layer[np.minimum(row + k - 1, high)]
+    return out
 
 
 class _ChanceOfTracks:
