@@ -1,6 +1,7 @@
 """The whole walk through the command line: a drawing and a mesh in, another mesh drawn so."""
 
 import io
+import json
 import pickle
 import re
 import xml.etree.ElementTree as ET
@@ -49,10 +50,14 @@ def studio(tmp_path_factory):
         folder / "m.pt",
         "--preset",
         "quick",
+        "--json",
         *VIEW,
     )
     assert result.exit_code == 0, result.stderr
     assert "m.pt" in result.stderr and "m.fit.png" in result.stderr
+    told = json.loads(result.stdout)
+    assert told["files"] == [str(folder / "m.pt"), str(folder / "m.fit.png")]
+    assert 0 < told["lines_drawn"] <= told["lines"] and told["preset"] == "quick"
     return folder
 
 

@@ -173,6 +173,13 @@ def test_one_shape_has_no_journal_but_may_be_told_as_json(place, tmp_path):
     assert none.exit_code == 1 and "none.obj" in json.loads(none.stdout)["error"]
 
 
+def test_extract_tells_its_curves_as_json(place, tmp_path):
+    shape, out = place / "in" / "box 0.ply", tmp_path / "x.svg"
+    told = json.loads(run("extract", shape, "-o", out, "--json", *SMALL).stdout)
+    assert told["files"] == [str(out)] and told["lines"] > 0 and told["length_px"] > 96
+    refused("extract", shape, "-o", "-", "--json", words=["one of both"], code=2)
+
+
 def test_shapes_of_one_name_go_to_folders_that_mirror_theirs(place, tmp_path):
     for folder in ("a", "b/deep"):
         (tmp_path / "in" / folder).mkdir(parents=True)

@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .messages import count_curves, say
-from .options import common_options, curve_options, line_options, shape_options, view_options
-from .outputs import STANDARD_OUTPUT, check_outputs, write_svg_text
+from .options import (
+    common_options,
+    curve_options,
+    line_options,
+    one_json_option,
+    shape_options,
+    view_options,
+)
+from .outputs import STANDARD_OUTPUT, check_outputs, print_json, write_svg_text
 from .shape import Shape
 
 if TYPE_CHECKING:
@@ -51,8 +58,9 @@ Examples:
 @shape_options
 @line_options
 @curve_options
+@one_json_option
 @common_options
-def extract(shape: str, outputs: tuple[str, ...], **options: Any) -> None:
+def extract(shape: str, outputs: tuple[str, ...], tell: bool, **options: Any) -> None:
     """Find the feature curves of SHAPE and write them.
 
     \b
@@ -66,12 +74,18 @@ def extract(shape: str, outputs: tuple[str, ...], **options: Any) -> None:
             raise click.UsageError(
                 f"{output}: cannot tell what to write; name it .png, .svg, .npz or .json"
             )
+    if tell and STANDARD_OUTPUT in outputs:
+        raise click.UsageError("standard output takes one of both: the SVG, or --json")
     check_outputs(outputs, [shape])
     view = Shape(shape, options).view()
     for output in outputs:
         write_view(view, output, Path(shape).stem)
     behind = f"; hidden: {count_curves(view.hidden)}" if options["hidden"] else ""
     say(f"{shape}: {count_curves(view.curves)}{behind} -> {', '.join(outputs)}")
+    if tell:
+        length = round(float(view.curves.lengths().sum()), 1)
+        told = {"shape": shape, "files": outputs, "lines": len(view.curves), "length_px": length}
+        print_json(told)
 
 
 def write_view(view: View, output: str, title: str) -> None:

@@ -15,11 +15,12 @@ from .options import (
     curve_options,
     device_option,
     line_options,
+    one_json_option,
     seed_option,
     shape_options,
     view_options,
 )
-from .outputs import check_outputs
+from .outputs import check_outputs, print_json
 from .progress import ProgressDisplay
 from .shape import Shape
 
@@ -83,6 +84,7 @@ Examples:
 @shape_options
 @line_options
 @curve_options
+@one_json_option
 @common_options
 def fit(
     drawing: str,
@@ -94,6 +96,7 @@ def fit(
     resume: bool,
     seed: int,
     device: str,
+    tell: bool,
     **options: Any,
 ) -> None:
     """Learn a style from DRAWING, an artist's drawing of SHAPE.
@@ -150,7 +153,13 @@ def fit(
         words = account(exemplar, fitted.learned).words(max(size))
         if words:
             say(f"{drawing}: {'; '.join(words)} (marked in {picture})")
-    say(f"{drawing}: learned in {time.perf_counter() - started:.0f} s -> {output}, {picture}")
+    seconds = time.perf_counter() - started
+    say(f"{drawing}: learned in {seconds:.0f} s -> {output}, {picture}")
+    if tell:
+        about = fitted.style.about
+        told = {"drawing": drawing, "shape": shape, "preset": preset, "files": [output, picture]}
+        told |= {"lines": about["lines"], "lines_drawn": about["lines_drawn"]}
+        print_json({**told, "seconds": round(seconds, 3)})
 
 
 def drawn_lines(about: dict[str, Any], chose: bool = True) -> str:

@@ -346,6 +346,13 @@ json_option = click.option(
     help="Print what became of each shape on standard output as it is done, a line of JSON each.",
 )
 
+one_json_option = click.option(
+    "--json",
+    "tell",
+    is_flag=True,
+    help="Print what became of it on standard output, as a line of JSON.",
+)
+
 # How many shapes are drawn: none of it changes a drawing.
 batch_options = OptionGroup(
     click.option(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -20,6 +22,11 @@ def check_outputs(outputs: Iterable[str], inputs: Sequence[str]) -> None:
     for output in outputs:
         if output != STANDARD_OUTPUT:
             check_output(output, inputs)
+
+
+def print_json(values: dict[str, Any]) -> None:
+    """Print one line of JSON on standard output, for scripts."""
+    click.echo(json.dumps(values, allow_nan=False))
 
 
 def write_svg_text(output: str, text: str) -> None:
