@@ -17,6 +17,7 @@ from strokestyle.drawing.strokes import Drawing, Strokes, Texture, signed_distan
 from strokestyle.geometry.curves import KINDS, Curves
 from strokestyle.geometry.parts import Parts
 from strokestyle.render.curve_file import load_curves
+from strokestyle.svg import markup
 from strokestyle.svg.format import SvgOptions
 from strokestyle.svg.markup import polyline_path, printable, rings_path
 from strokestyle.svg.write import plain_svg, resolve_texture, save_svg, write_svg
@@ -407,3 +408,11 @@ def test_plain_curves_by_kind_and_part(tmp_path):
         text
     )  # what they are is said by the kind's layer, not by the part's name
     assert sorted(load_curves(tmp_path / "lines.svg", (60, 50)).kind) == [0, 0, 0, 4]
+
+
+@pytest.mark.parametrize("decimals", range(7))
+def test_whole_numbers_of_units_are_told_as_the_numbers_that_they_are(decimals):
+    values = [0, 1, -1, 9, 10, -10, 99, 100, 12345, -12300, 10**6, 7 * 10**8, -(10**9) + 1]
+    values += np.random.default_rng(0).integers(-20_000, 20_000, 400).tolist()
+    told = markup.numbers(np.array(values), decimals)
+    assert told == [markup.number(value / 10**decimals, decimals) for value in values]
