@@ -6,7 +6,7 @@ import numpy as np
 
 from .candidates import Candidates
 from .labels import label_strokes
-from .sheets import Points, carried, found_points, left_over
+from .sheets import Points, carried, found_points, left_over, without_strays
 
 JUMP = 0.2  # of the canvas, the median move of lines above which a shot is another scene
 FRESH = 1  # frames since a line was seen, up to which strokes are looked for on it though hidden
@@ -34,7 +34,8 @@ class Follower:
         may = old.take(old.seen | (old.age <= FRESH))
         runs = label_strokes(here, may, self.period, self._begin)
         found = found_points(here, runs, before)
-        points = Points.concatenate([found, left_over(here, old, found, moves)])
+        left = left_over(here, old, found, moves)
+        points = without_strays(Points.concatenate([found, left]))
         self.points, self.before = points, here
         return points
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,7 @@ STRAIN_FIXED, STRAIN = (0.25, 4.0), (0.7, 1.4)  # of a line's mean slope
 RELAX = 0.9
 FOLD = 20.0  # px by which a stroke may run back along its sheet
 OVERLAP = 8.0  # px, of two stretches of one sheet
+APART = 1.0  # px, between two
 
 
 class Matches(NamedTuple):
@@ -344,18 +346,29 @@ def _fitted(here: Candidates, piece: _Piece) -> Run:
 
 
 def _without_overlaps(claims: list[tuple[int, Run]], homeless: list[_Piece]) -> list[Run]:
-    """Keep the best of runs that claim one stretch of a sheet; the others become homeless."""
+    """Keep the best of runs that claim one stretch of a sheet; the others become homeless.
+
+    Runs that overlap but little are moved apart, or their points would come to lie in turns.
+    """
     taken: dict[int, list[tuple[float, float]]] = {}
     out = []
     for _, run in sorted(claims, key=lambda pair: -pair[0]):
         low, high = float(run.along[0]), float(run.along[-1])
         least = min(OVERLAP, 0.3 * (high - low))
         others = taken.setdefault(run.sheet, [])
-        if any(min(high, b) - max(low, a) > least for a, b in others):
+        shift, homes = 0.0, True
+        for a, b in others:
+            common = min(high, b) - max(low, a)
+            homes = homes and common <= least
+            if common > -APART:
+                shift = max(common + APART, 0.0) * (1.0 if low + high > a + b else -1.0)
+        if homes and shift:  # where that moves it onto a third, it is in the way as well
+            homes = all(min(high + shift, b) - max(low + shift, a) <= 0.0 for a, b in others)
+        if not homes:
             homeless.append(_Piece(run.rows, -1, np.full(len(run.rows), np.nan)))
             continue
-        others.append((low, high))
-        out.append(run)
+        others.append((low + shift, high + shift))
+        out.append(replace(run, along=run.along + shift))
     return out
 
 

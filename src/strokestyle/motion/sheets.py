@@ -30,7 +30,8 @@ FIXED_KINDS = ("boundary", "crease", "ridge", "valley", "intersection", "section
 FIXED = np.isin(KINDS, FIXED_KINDS)  # of each kind, whether its lines are fixed on the surface
 SOFT = np.isin(KINDS, SOFT_KINDS)
 PLANNED, TRACED, BARE = 2, 1, 0  # what there is of a line: a stroke, a line no stroke was made of
-GAP = 10.0  # px between points of a sheet that follow each other, at most
+GAP = 12.0  # px between points of a sheet that follow each other, at most
+BESIDE = 2.5  # px of its coordinate by which what was found of a sheet replaces more
 STALE = 3  # frames for which a line that depends on the view is carried without being seen anew
 COVERED = 6.0  # px from a stroke, within which another line would double it
 TRACED_REACH = 8.0  # px between a line and where it was carried
@@ -211,6 +212,43 @@ def left_over(here: Candidates, old: Points, found: Points, moves: bool) -> Poin
     return left.take(kept)
 
 
+def without_strays(points: Points) -> Points:
+    """Leave out what is left of sliding lines beside what was found of them, but off its ends.
+
+    Where the line itself was found to go another way, what the surface carried along is no more
+    than an echo.
+    """
+    if not len(points):
+        return points
+    loose = (points.support != PLANNED) & ~FIXED[points.kind]
+    start = runs(loose, points.sheet)
+    first, last = start[:-1], start[1:] - 1
+    before, after = np.maximum(first - 1, 0), np.minimum(last + 1, len(points) - 1)
+    joins = np.zeros(len(first), bool)
+    found = np.zeros(int(points.sheet.max()) + 1, bool)
+    found[points.sheet[points.support == PLANNED]] = True
+    for one, two in ((before, first), (after, last)):
+        beside = (one != two) & (points.sheet[one] == points.sheet[two])
+        joins |= beside & (np.hypot(*(points.xy[one] - points.xy[two]).T) <= GAP)
+    keep = joins | ~loose[first] | ~found[points.sheet[first]]
+    points = points.take(np.repeat(keep, np.diff(start)))
+    return points.take(~_turned_back(points))
+
+
+def _turned_back(points: Points) -> np.ndarray:
+    """Tell which points no stroke was planned for lie beside or behind those before them."""
+    follows = points.follows
+    step = np.zeros((len(points) + 1, 2))
+    step[1:-1] = np.diff(points.xy, axis=0) * follows[1:, None]
+    size = np.maximum(np.hypot(*step.T), 1e-9)
+    cosine = row_dot(step[:-1], step[1:]) / (size[:-1] * size[1:])
+    sharp = follows & np.r_[follows[1:], False] & (cosine < 0.0)
+    beside = sharp.copy()  # which of a pair is off the line is told by neither
+    beside[1:] |= sharp[:-1]
+    beside[:-1] |= sharp[1:]
+    return beside & (points.support != PLANNED)
+
+
 def _replaced(old: Points, found: Points) -> np.ndarray:
     """Tell which old points lie on stretches of their sheets that have been found, (P,) bool."""
     out = np.zeros(len(old), bool)
@@ -219,7 +257,7 @@ def _replaced(old: Points, found: Points) -> np.ndarray:
     found = found.take(np.lexsort((found.along, found.sheet)))
     starts = np.flatnonzero(~found.follows)
     ends = np.r_[starts[1:], len(found)] - 1
-    reach = 0.7 * GAP / 3.0
+    reach = BESIDE
     order = np.argsort(old.sheet, kind="stable")
     first = np.searchsorted(old.sheet[order], found.sheet[starts], "left")
     last = np.searchsorted(old.sheet[order], found.sheet[starts], "right")
