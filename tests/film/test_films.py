@@ -86,7 +86,7 @@ def test_no_rounding_of_times_adds_up(fps, unit):
 def test_a_rate_is_the_fraction_that_was_meant():
     assert rate_of(12) == 12 and rate_of(12.5) == Fraction(25, 2)
     assert rate_of(23.976) == Fraction(24000, 1001) and rate_of(29.97) == Fraction(30000, 1001)
-    for wrong in (0, -1, 241, float("nan"), float("inf")):
+    for wrong in (0, 0.09, -1, 241, float("nan"), float("inf")):
         with pytest.raises(ValueError, match="frames a second"):
             rate_of(wrong)
 
@@ -148,6 +148,14 @@ def test_colours_that_stand_for_many_are_near_to_them():
     assert len(chosen) <= 32 and (chosen == colours[-1]).all(axis=1).any()
     gap = np.abs(colours[:, None] - chosen[None]).max(axis=2).min(axis=1)
     assert gap.max() <= 8
+
+
+@pytest.mark.parametrize("fps", [0.1, 50])
+def test_the_slowest_and_the_fastest_film(pictures, tmp_path, fps):
+    arrays = [on_white(a) for a in strokes(3)]
+    for suffix in RGB:
+        write_film(tmp_path / f"f{suffix}", pictures(arrays, [2, 2, 2]), rate_of(fps))
+        assert read(tmp_path / f"f{suffix}")[1] == pytest.approx([2000 / fps] * 3)
 
 
 def test_pictures_that_are_alike_take_their_time(pictures, tmp_path):

@@ -70,7 +70,7 @@ animation_options = OptionGroup(
     ),
     click.option(
         "--fps",
-        type=click.FloatRange(0, 240, min_open=True),
+        type=click.FloatRange(0.1, 240),
         help=f"Frames a second of a film.  [default: {DEFAULT_RATE:g}]",
     ),
     click.option(
