@@ -42,7 +42,7 @@ class Limits:
     memory: int | None = None
 
 
-class NoWorkers(RuntimeError):
+class NoWorkers(OSError):
     """Workers die before they can begin."""
 
 
