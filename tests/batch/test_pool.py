@@ -87,6 +87,6 @@ def test_what_no_worker_can_do_ends_the_batch(tmp_path):
     with pytest.raises(NoWorkers, match="died before they could begin .exit code 3"):
         list(draw_in_workers(fake_drawing.die, jobs, 1))
     if can_be_watched():
-        with pytest.raises(MemoryError, match="before it draws anything, more than the 1 MB"):
+        with pytest.raises(ValueError, match="before it draws anything, more than the 1 MB"):
             list(draw_in_workers(fake_drawing.prepare, jobs, 1, Limits(memory=MB)))
     assert os.listdir(tmp_path) == []

@@ -242,7 +242,7 @@ class Pool:
 
     def _check_room(self, taken: int) -> None:
         if self.limits.memory and taken > self.limits.memory:
-            raise MemoryError(
+            raise ValueError(
                 f"a worker takes {_size(taken)} before it draws anything, more than the "
                 f"{_size(self.limits.memory)} that it may have"
             )
