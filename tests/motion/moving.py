@@ -7,6 +7,7 @@ import numpy as np
 from strokestyle.extract.camera import Camera
 from strokestyle.geometry.curves import Curves, arc
 from strokestyle.motion.frames import Frame
+from strokestyle.motion.lay import kinds_of_tracks, lay_frame, lift_frame, steady_cuts
 from strokestyle.render.features import FEATURES, SURFACE
 from strokestyle.render.overshoots import Overshoots
 from strokestyle.render.plan import Planned, plan_strokes
@@ -105,3 +106,9 @@ def a_frame(style, *lines, camera=CAMERA, parts=None):
     surface = np.zeros((count, len(SURFACE)))
     track = np.array([one[0] for one in made], np.int64)
     return Frame(camera, planned, surface, track, place, presence, parts)
+
+
+def laid_alone(style, frame, chance):
+    """The strokes of a frame that is alone in its animation, before they are given texture."""
+    lifted = lift_frame(style, frame, 0, kinds_of_tracks([frame]), chance)
+    return lay_frame(style, lifted, 0, None, *steady_cuts(style, [lifted]), chance)

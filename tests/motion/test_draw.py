@@ -9,7 +9,6 @@ from strokestyle.drawing.strokes import paint_order
 from strokestyle.geometry.parts import Parts
 from strokestyle.motion.chance import Luck, TrackChance
 from strokestyle.motion.draw import draw_frames
-from strokestyle.motion.lay import lay_frame
 from strokestyle.render.features import FEATURES
 from strokestyle.render.quilt import synthesise
 from strokestyle.render.residuals import Residuals
@@ -17,7 +16,7 @@ from strokestyle.render.restating import Restating
 from strokestyle.render.texture_bank import ROWS
 from strokestyle.svg.read import read_svg
 from strokestyle.svg.write import write_frames
-from tests.motion.moving import a_frame, a_grain, a_hand, a_line, straight
+from tests.motion.moving import a_frame, a_grain, a_hand, a_line, laid_alone, straight
 
 PLAIN = {"residuals": None, "overshoots": None}  # nothing but texture
 
@@ -331,7 +330,7 @@ def test_a_short_stroke_is_as_dark_as_in_a_drawing_of_its_own():
     style = a_hand(**PLAIN, bank=replace(bank, rgba=rgba))
     frames = [a_frame(style, a_line(0, straight(60, 110 + i, 90))) for i in range(4)]
     chance = TrackChance(Luck(0), style.config.spacing)
-    laid = lay_frame(style, frames[0], 0, {0: 0}, None, chance)
+    laid = laid_alone(style, frames[0], chance)
     still, _ = synthesise(style.bank, laid.strokes, laid.features, 1)
     moving = drawn(style, frames)[0].texture
     assert moving.rgba[..., 3].mean() == pytest.approx(still.rgba[..., 3].mean(), rel=0.05)

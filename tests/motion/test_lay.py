@@ -9,13 +9,15 @@ from strokestyle.motion.chance import Luck, TrackChance
 from strokestyle.motion.lay import (
     between,
     kinds_of_tracks,
-    lay_frame,
+    lift_frame,
+    steady_cuts,
     steady_ranges,
     visible_stretches,
 )
+from strokestyle.render.displacement import DEFORMATIONS
 from strokestyle.render.overshoots import Overshoots
 from strokestyle.render.style import MIN_VISIBLE, trim_invisible_ends
-from tests.motion.moving import SIZE, a_frame, a_hand, a_line, straight
+from tests.motion.moving import SIZE, a_frame, a_hand, a_line, laid_alone, straight
 
 
 def test_an_end_that_fades_moves_little_by_little():
@@ -88,8 +90,29 @@ def test_places_of_ends_that_were_moved_are_those_of_where_they_are():
     style = a_hand(overshoots=Overshoots(past, past), residuals=None)
     lines = [a_line(track, straight(30, 150, 20 + 20 * track), 17.0) for track in range(6)]
     chance = TrackChance(Luck(2), style.config.spacing)
-    laid = lay_frame(style, a_frame(style, *lines), 0, dict.fromkeys(range(6), 0), None, chance)
+    laid = laid_alone(style, a_frame(style, *lines), chance)
     assert np.allclose(laid.place, laid.strokes.xy[:, 0] - 30 + 17)
     begins = laid.strokes.xy[laid.strokes.offsets[:-1], 0]
     assert len(set(np.round(30 - begins, 1))) > 1
     assert set(np.round(30 - begins, 1)) <= set(np.round(past.astype(float), 1))
+
+
+def test_corners_of_lines_that_are_cut_straight_do_not_spring():
+    style = a_hand(residuals=None, overshoots=None)
+    style = replace(style, displacement=np.where(np.array(DEFORMATIONS) == "cut_6", 1.0, 0.0))
+    x, frames = np.linspace(0, 1, 200), []
+    for i in range(24):
+        bow = np.sin(np.pi * x) * (22 + 0.25 * i) * (1 + 0.2 * np.sin(5 * x + 0.08 * i))
+        frames.append(a_frame(style, a_line(0, np.stack([20 + 150 * x, 60 + bow], axis=1))))
+    chance = TrackChance(Luck(0), style.config.spacing)
+    lifted = [lift_frame(style, frame, i, {0: 0}, chance) for i, frame in enumerate(frames)]
+    alone = [steady_cuts(style, [one])[0] for one in lifted]
+    together = steady_cuts(style, lifted)
+
+    def springs(cuts):
+        count = min(map(len, cuts))
+        return np.abs(np.diff([cut[:count] for cut in cuts], axis=0)).max()
+
+    assert springs(alone) > 2.0 and springs(together) < 0.6 * springs(alone)
+    mean = [np.abs(cuts[12]).mean() for cuts in (alone, together)]
+    assert mean[1] == pytest.approx(mean[0], rel=0.3)  # it is still cut straight

@@ -20,7 +20,7 @@ from ..render.style import Style, scaled
 from ..render.texture_bank import TextureBank, solid_ink
 from .chance import Luck, TrackChance
 from .frames import Frame
-from .lay import Laid, kinds_of_tracks, lay_frame, steady_ranges
+from .lay import Laid, kinds_of_tracks, lay_frame, lift_frame, steady_cuts, steady_ranges
 from .survey import INK, WIDTH, Name, Points, names_of, points_of, turned_tracks
 from .texture import TrackTextures
 
@@ -90,7 +90,9 @@ def _laid(style: Style, frames: Sequence[Frame], luck: Luck) -> list[Laid]:
     kinds = kinds_of_tracks(frames)
     ranges = steady_ranges(frames, style.config.spacing)
     chance = TrackChance(luck, style.config.spacing)
-    return [lay_frame(style, frame, i, kinds, ranges[i], chance) for i, frame in enumerate(frames)]
+    lifted = [lift_frame(style, frame, i, kinds, chance) for i, frame in enumerate(frames)]
+    cuts = steady_cuts(style, lifted)
+    return [lay_frame(style, one, i, ranges[i], cuts[i], chance) for i, one in enumerate(lifted)]
 
 
 def track_name(name: Name) -> str:

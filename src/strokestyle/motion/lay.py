@@ -21,6 +21,8 @@ from ..render.style import MIN_VISIBLE, THINNEST, Style, pieces_by_part
 from .chance import TrackChance
 from .frames import Frame
 
+CUT_FRAMES = 1.5  # frames over which the corners of lines that are cut straight are smoothed
+IS_CUT = np.array([name.startswith("cut") for name in displacement.DEFORMATIONS])
 RANGE_SIGMA = 4.0  # frames over which what lines lie between is smoothed
 
 
@@ -53,11 +55,29 @@ class _Points:
     surface: np.ndarray
     place: np.ndarray
     presence: np.ndarray
-    part: np.ndarray | None  # index into the names of Frame.parts
+    part: Parts | None
 
     def take(self, rows: np.ndarray) -> _Points:
-        part = None if self.part is None else self.part[rows]
+        part = None if self.part is None else self.part.take(rows)
         return _Points(self.surface[rows], self.place[rows], self.presence[rows], part)
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """The strokes of a frame where the pen is set down and lifted, still on their curves.
+
+    Parameters
+    ----------
+    planned : C strokes of N points, sorted by track
+    points : of them
+    name : (C, 2) int64, track and pass of each
+    off : (N, 2) px by which passes over a line lie off it
+    """
+
+    planned: Planned
+    points: _Points
+    name: np.ndarray
+    off: np.ndarray
 
 
 # ------------------------------------------------------------------------------- of all frames
@@ -90,24 +110,69 @@ def kinds_of_tracks(frames: Sequence[Frame]) -> dict[int, int]:
     return dict(pairs[order].tolist())
 
 
+def steady_cuts(style: Style, frames: Sequence[Lifted]) -> list[np.ndarray]:
+    """How far a style that draws straight moves the points of each frame, (N, 2) px, smoothed.
+
+    The corners of the polyline that stays near a curve (Ramer-Douglas-Peucker) spring to and fro
+    when the curve moves a little. So each point goes where it would on average over CUT_FRAMES
+    frames, at its place of the track.
+    """
+    weights = np.where(IS_CUT, style.displacement, 0.0)
+    if not weights.any():
+        return [np.zeros_like(one.off) for one in frames]
+    local, across = [], []
+    for one in frames:
+        moved = displacement.Frame.of(
+            one.planned, one.points.surface, style.config.spacing, weights
+        )
+        by = displacement.displaced(moved, weights) - one.planned.xy
+        along = moved.normals[:, ::-1] * (1.0, -1.0)
+        local.append(np.stack([(by * moved.normals).sum(1), (by * along).sum(1)], axis=1))
+        across.append((moved.normals, along))
+    smooth = _averaged(frames, local)
+    return [
+        by[:, :1] * normals + by[:, 1:] * along
+        for by, (normals, along) in zip(smooth, across, strict=True)
+    ]
+
+
+def _averaged(frames: Sequence[Lifted], values: list[np.ndarray]) -> list[np.ndarray]:
+    """The mean of values (N, 2) of the frames about each, at the same places of the same tracks."""
+    where: dict[tuple[int, int], list[tuple[int, slice]]] = {}
+    for number, one in enumerate(frames):
+        bounds = zip(one.planned.offsets[:-1], one.planned.offsets[1:], strict=True)
+        for name, (a, b) in zip(one.name.tolist(), bounds, strict=True):
+            where.setdefault((name[0], name[1]), []).append((number, slice(a, b)))
+    out = [np.zeros_like(some) for some in values]
+    for seen in where.values():
+        for number, rows in seen:
+            place, total = frames[number].points.place[rows], 0.0
+            for other, theirs in seen:
+                away = (other - number) / CUT_FRAMES
+                if abs(away) > 3:
+                    continue
+                weight, total = np.exp(-0.5 * away**2), total + np.exp(-0.5 * away**2)
+                known = frames[other].points.place[theirs]
+                for k in (0, 1):
+                    out[number][rows, k] += weight * np.interp(
+                        place, known, values[other][theirs, k]
+                    )
+            out[number][rows] /= total
+    return out
+
+
 # -------------------------------------------------------------------------------- of one frame
 
 
-def lay_frame(
-    style: Style,
-    frame: Frame,
-    number: int,
-    kinds: dict[int, int],
-    within: ViewRange | None,
-    chance: TrackChance,
-) -> Laid:
-    """Move the planned strokes of frame `number` off their curves, and give them thickness.
+def lift_frame(
+    style: Style, frame: Frame, number: int, kinds: dict[int, int], chance: TrackChance
+) -> Lifted:
+    """Repeat the planned strokes of frame `number` that are gone over, and end all of them.
 
     Parameters
     ----------
     style : lengths are px of its canvas
     kinds : of `kinds_of_tracks`
-    within : of `steady_ranges`
     chance : of the animation
     """
     planned, points, name = _in_order(frame, kinds)
@@ -115,39 +180,49 @@ def lay_frame(
     if style.restating is not None:
         planned, points, name = _repeated(style, planned, points, name, chance)
         off = _deviation(style, planned, points.place, name, number, chance)
-    if style.overshoots is not None and len(planned):
-        lengths = curve_lengths(planned)
-        past = np.stack(
-            [
-                chance.overshoots(style.overshoots, (track, turn), length, number)
-                for (track, turn), length in zip(name.tolist(), lengths.tolist(), strict=True)
-            ]
+    if style.overshoots is None or not len(planned):
+        return Lifted(planned, points, name, off)
+    past = [
+        chance.overshoots(style.overshoots, (track, turn), length, number)
+        for (track, turn), length in zip(
+            name.tolist(), curve_lengths(planned).tolist(), strict=True
         )
-        lifted, rows = lift(planned, past, style.config.spacing)
-        points = replace(
-            points.take(rows), place=_moved_places(planned, points.place, lifted, rows)
-        )
-        planned, off = lifted, off[rows]
+    ]
+    lifted, rows = lift(planned, np.stack(past), style.config.spacing)
+    place = _moved_places(planned, points.place, lifted, rows)
+    return Lifted(lifted, replace(points.take(rows), place=place), name, off[rows])
+
+
+def lay_frame(
+    style: Style,
+    lifted: Lifted,
+    number: int,
+    within: ViewRange | None,
+    cut: np.ndarray,
+    chance: TrackChance,
+) -> Laid:
+    """Move the strokes of frame `number` off their curves, and give them thickness.
+
+    Parameters
+    ----------
+    lifted : of `lift_frame`
+    within : of `steady_ranges`
+    cut : of `steady_cuts`
+    chance : of the animation
+    """
+    planned, points = lifted.planned, lifted.points
     features = style.scaling(
         point_features(planned, points.surface, style.config, style.scaling.names, within)
     )
     if not len(planned):
         none = np.zeros(0)
-        return Laid(Strokes.empty(), none, none, features, name, None)
-    moved = displacement.Frame.of(planned, points.surface, style.config.spacing, style.displacement)
-    xy = displacement.displaced(moved, style.displacement) + off
-    log_width = style.log_width(features)
-    if style.residuals is not None:
-        residuals = np.concatenate(
-            [
-                chance.residuals(style.residuals, (track, turn), points.place[a:b], number)
-                for (track, turn), a, b in zip(
-                    name.tolist(), planned.offsets[:-1], planned.offsets[1:], strict=True
-                )
-            ]
-        )
-        xy, log_width = xy + residuals[:, :1] * moved.normals, log_width + residuals[:, 1]
-    thickness = np.maximum(np.exp(log_width) - HAIR, 0.0)
+        return Laid(Strokes.empty(), none, none, features, lifted.name, None)
+    weights = np.where(IS_CUT, 0.0, style.displacement)
+    moved = displacement.Frame.of(planned, points.surface, style.config.spacing, weights)
+    xy = displacement.displaced(moved, weights) + cut + lifted.off
+    residuals = _residuals(style, lifted, number, chance)
+    xy = xy + residuals[:, :1] * moved.normals
+    thickness = np.maximum(np.exp(style.log_width(features) + residuals[:, 1]) - HAIR, 0.0)
     thickness = _softly_without_hairs(thickness, planned) * points.presence
     at, offsets, kept = visible_stretches(thickness, planned.offsets)
     strokes = Strokes(
@@ -155,12 +230,22 @@ def lay_frame(
         np.zeros(len(kept), bool),
     )  # fmt: skip
     nearest = np.rint(at).astype(np.int64)
-    names = () if frame.parts is None else frame.parts.names
-    part = None if points.part is None else Parts(names, points.part[nearest])
+    part = None if points.part is None else points.part.take(nearest)
     return Laid(
         strokes, between(points.place, at), between(points.presence, at), between(features, at),
-        name[kept], pieces_by_part(part, planned.on_curve[nearest], strokes),
+        lifted.name[kept], pieces_by_part(part, planned.on_curve[nearest], strokes),
     )  # fmt: skip
+
+
+def _residuals(style: Style, lifted: Lifted, number: int, chance: TrackChance) -> np.ndarray:
+    """What strokes do at random, (N, 2): px across them, and of the logarithm of thickness."""
+    out = np.zeros((len(lifted.planned.xy), 2))
+    if style.residuals is not None:
+        offsets, place = lifted.planned.offsets, lifted.points.place
+        for i, (track, turn) in enumerate(lifted.name.tolist()):
+            rows = slice(offsets[i], offsets[i + 1])
+            out[rows] = chance.residuals(style.residuals, (track, turn), place[rows], number)
+    return out
 
 
 def _in_order(frame: Frame, kinds: dict[int, int]) -> tuple[Planned, _Points, np.ndarray]:
@@ -173,8 +258,7 @@ def _in_order(frame: Frame, kinds: dict[int, int]) -> tuple[Planned, _Points, np
         old.xy[rows], offsets, np.array([kinds[t] for t in track.tolist()], np.int8),
         old.source[rows], old.mix[rows], old.overshoot[rows], old.lifted,
     )  # fmt: skip
-    part = None if frame.parts is None else frame.parts.index
-    points = _Points(frame.surface, frame.place, frame.presence, part).take(rows)
+    points = _Points(frame.surface, frame.place, frame.presence, frame.parts).take(rows)
     return planned, points, np.stack([track, np.zeros_like(track)], axis=1)
 
 
