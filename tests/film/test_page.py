@@ -182,8 +182,22 @@ def test_onion_skin_shows_neighbours_red_before_and_blue_after(page):
         n.value = '0'; n.dispatchEvent(new Event('input', {bubbles: true}))""")
     page.wait_for("canvas.dataset.skins === '2'")
     assert at_bar(pixels(page), 5)[3] == 0
+    page.run("document.getElementById('before').value = '3'; go(0)")
+    page.wait_for("canvas.dataset.drawing === '0' && canvas.dataset.skins === '3'")
+    assert at_bar(pixels(page), 7)[3] > at_bar(pixels(page), 5)[3] > 0  # the last comes before
     page.key("o")
     page.wait_for("canvas.dataset.skins === '0'")
+
+
+@in_browser
+def test_a_film_with_two_ends_has_no_neighbours_beyond_them(browser, tmp_path):
+    browser.open(write(tmp_path / "film.html", loop=False), 900, 600)
+    pause(browser)
+    browser.key("o")
+    browser.wait_for("canvas.dataset.skins === '2'")
+    browser.key("ArrowLeft")
+    shows(browser, 0)
+    assert browser.run("ending()") == "pingpong" and browser.troubles() == []
 
 
 @in_browser
