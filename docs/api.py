@@ -39,6 +39,10 @@ GROUPS = {
         "Drawing", "Strokes", "Texture", "thicken", "wiggle", "smooth", "simplify", "move", "taper",
         "recolor", "restyle", "plan_outputs", "rasterise",
     ),
+    "Animation": (
+        "load_sequence", "load_cameras", "turntable_shots", "path_shots", "Shot", "track_frames",
+        "Frame", "draw_frames", "write_frames", "Pictures", "write_film", "FilmPage",
+    ),
     "SVG": ("SvgOptions", "write_svg", "save_svg", "read_svg", "plain_svg", "png_from_svg"),
 }  # fmt: skip
 

@@ -10,6 +10,7 @@ from . import gif
 from .apng import write_apng
 from .gif import write_gif
 from .pictures import Pictures
+from .timing import rate_of
 from .video import CODECS, check_encoder, write_video
 from .webp import write_webp
 
@@ -35,14 +36,14 @@ def check_film(path: str | Path, rate: Fraction) -> None:
 def write_film(
     path: str | Path,
     pictures: Pictures,
-    rate: Fraction,
+    rate: Fraction | float,
     transparent: bool = False,
 ) -> None:
     """Write pictures as the film that the suffix of `path` says, whole or not at all.
 
     Parameters
     ----------
-    rate : frames a second
+    rate : frames a second, as `rate_of` reads them
     transparent : keep the pictures' transparency; a video has none, and is white there
 
     Raises
@@ -58,9 +59,9 @@ def write_film(
 
     def write(name: str) -> None:
         if suffix in CODECS:
-            write_video(name, pictures, rate, suffix, transparent)
+            write_video(name, pictures, rate_of(rate), suffix, transparent)
         else:
-            WRITERS[suffix](name, pictures, rate, transparent)
+            WRITERS[suffix](name, pictures, rate_of(rate), transparent)
 
     try:
         replace_file(path, write)

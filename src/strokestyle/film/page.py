@@ -13,6 +13,7 @@ from .. import __version__
 from ..files import replace_file
 from ..viewer.page import filled, json_text, page_text, policy
 from .spool import Spool
+from .timing import rate_of
 
 FOLDER = Path(__file__).parent
 LEVEL = 8  # of zlib; 9 takes a half longer for a thousandth less
@@ -24,13 +25,15 @@ class FilmPage:
     Parameters
     ----------
     title : of the page
-    rate : frames a second
+    rate : frames a second, as `rate_of` reads them
     loop : whether the first drawing follows the last
     background : "#rrggbb" or a CSS colour's name; "" for none, None for white
     """
 
-    def __init__(self, title: str, rate: Fraction, loop: bool, background: str | None = None):
-        self.title, self.rate, self.loop, self.background = title, rate, loop, background
+    def __init__(
+        self, title: str, rate: Fraction | float, loop: bool, background: str | None = None
+    ):
+        self.title, self.rate, self.loop, self.background = title, rate_of(rate), loop, background
         self.held: list[int] = []
         self.size = (0.0, 0.0)
         self.drawings = Spool()

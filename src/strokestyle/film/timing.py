@@ -9,16 +9,18 @@ MIN_RATE, MAX_RATE = 0.1, 240.0  # frames a second: a GIF's times, and screens, 
 LARGEST_DENOMINATOR = 60060  # of a rate as a fraction; 24000/1001 and its like are exact
 
 
-def rate_of(fps: float) -> Fraction:
+def rate_of(fps: Fraction | float) -> Fraction:
     """Read frames a second as a fraction: 12, 12.5, or 23.976, which is 24000/1001.
 
     Raises ValueError where it does not lie between MIN_RATE and MAX_RATE.
     """
-    if not MIN_RATE <= fps <= MAX_RATE:
-        raise ValueError(f"a film has {MIN_RATE:g} to {MAX_RATE:g} frames a second, got {fps:g}")
+    if not MIN_RATE <= float(fps) <= MAX_RATE:
+        raise ValueError(
+            f"a film has {MIN_RATE:g} to {MAX_RATE:g} frames a second, got {float(fps):g}"
+        )
     for whole in (24, 30, 48, 60, 120):
         ntsc = Fraction(1000 * whole, 1001)
-        if abs(fps - ntsc) < 5e-4:
+        if abs(float(fps) - float(ntsc)) < 5e-4:
             return ntsc
     return Fraction(fps).limit_denominator(LARGEST_DENOMINATOR // 60)
 
