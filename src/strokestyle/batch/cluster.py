@@ -16,6 +16,7 @@ import os
 import pickle
 import queue
 import sys
+import time
 import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
@@ -31,6 +32,7 @@ from ..files import write_bytes
 from ..mesh.beside import files_beside
 from .outcome import Outcome
 from .plan import Job
+from .pool import NoWorkers
 from .station import Errand, Parcel, Result
 
 PATIENCE = 10  # seconds for the scheduler to answer
@@ -84,6 +86,7 @@ def draw_on_cluster(
             yield from _Batch(client, run, errand, jobs, tell).outcomes()
         finally:
             with contextlib.suppress(Exception):  # the scheduler may be gone
+                client.unsubscribe_topic(run)
                 client.unregister_worker_plugin(run)
 
 
@@ -154,8 +157,11 @@ class _Client(Client):
 @contextlib.contextmanager
 def _connected(address: str) -> Iterator[Client]:
     file = address.endswith(".json")
-    if file and not os.path.isfile(address):
-        raise OSError(f"{address}: no such file; `dask scheduler --scheduler-file` writes it")
+    end = time.monotonic() + PATIENCE
+    while file and not os.path.isfile(address):  # the scheduler may be starting
+        if time.monotonic() > end:
+            raise OSError(f"{address}: no such file; `dask scheduler --scheduler-file` writes it")
+        time.sleep(0.05)
     where = {"scheduler_file" if file else "address": address}
     try:
         client = _Client(**where, timeout=PATIENCE, set_as_default=False, name="strokestyle")
@@ -300,6 +306,8 @@ class _Batch:
         """Write what came back."""
         if isinstance(result, str):
             raise OSError(result)
+        if isinstance(result.refused, NoWorkers):
+            raise OSError(f"at a worker of the scheduler {result.refused}: its log says why")
         if result.refused:
             raise result.refused
         assert result.outcome is not None

@@ -316,7 +316,7 @@ class Pool:
 
 def _environment(workers: int) -> dict[str, str]:
     """Share the cores among the workers, unless the person says how many threads they may have."""
-    threads = str(max(1, cores() // workers))
+    threads = str(max(1, cores() // max(1, workers)))
     return {"OMP_NUM_THREADS": threads, **os.environ}
 
 
