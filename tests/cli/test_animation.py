@@ -195,6 +195,13 @@ def test_what_cannot_be_written_is_said_before_anything_is_drawn(studio, tmp_pat
     )  # 30 drawings a second
 
 
+def test_a_video_is_not_transparent_and_that_is_said(studio, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("strokestyle.film.films.check_encoder", lambda suffix: None)
+    films, options = [tmp_path / "a.mp4"], {"turntable": 2, "background": "none"}
+    plan_animation([str(studio / "ring.obj")], None, films, False, options)
+    assert "a.mp4: a video has no transparency" in capsys.readouterr().err
+
+
 def test_several_shapes_turn_into_a_folder(studio, tmp_path):
     shapes = [str(studio / "ring.obj"), str(studio / "walk" / "w1.obj")]
     jobs, sequence = plan_animation(shapes, f"{tmp_path}/f/", [], False, {"turntable": 2})

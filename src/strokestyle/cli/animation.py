@@ -282,11 +282,14 @@ def _check_films(films: Sequence[Path], options: Mapping[str, Any], inputs: Sequ
     from ..files import check_output
     from ..film.films import check_film
     from ..film.timing import rate_of
+    from ..film.video import CODECS
 
     rate = rate_of(options.get("fps") or DEFAULT_RATE)
     for film in films:
         check_output(film, inputs)
         check_film(film, rate / (2 if options.get("on_twos") else 1))
+        if options.get("background") == NOTHING and film.suffix.lower() in CODECS:
+            say(f"{film}: a video has no transparency: its background is white")
 
 
 def in_order(given: Sequence[str], found: Sequence[str]) -> tuple[str, ...]:
