@@ -72,7 +72,8 @@ def times(path):
 def test_frames_and_films_of_one_turn(studio, tmp_path):
     films = ("a.gif", "a.png", "a.webp", "a.html")
     outputs = [x for film in films for x in ("-o", tmp_path / film)]
-    result = draw(studio, "--turntable", "5", "-o", tmp_path / "spin/", *outputs, "--png")
+    turn = ("--turntable", "5", "--still", "--png")
+    result = draw(studio, *turn, "-o", tmp_path / "spin/", *outputs)
     frames = [f"ring-{i:03d}" for i in range(5)]
     assert names(tmp_path / "spin") == sorted(
         f + suffix for f in frames for suffix in (".png", ".svg")
