@@ -52,6 +52,29 @@ class PathEffect(BaseElement):
     elementname = "inkscape:path-effect"
 
 
+TAGS = ("g", "path", "image")
+
+
+class _Ready:
+    """An element with all that is in it; of a Document's elements svgwrite asks but their trees."""
+
+    def __init__(self, element: Element):
+        self.element = element
+
+    def get_xml(self) -> ElementTree.Element:
+        return _tree(self.element)
+
+
+def _tree(element: Element) -> ElementTree.Element:
+    """An element as svgwrite has it: attributes in order, and none that are empty."""
+    if element.tag not in TAGS:
+        raise ValueError(f"documents of ours have no <{element.tag}>")
+    given = {name: value for name, value in sorted(element.attributes.items()) if value}
+    made = ElementTree.Element(element.tag, given)
+    made.extend(map(_tree, element.children))
+    return made
+
+
 class Document(svgwrite.Drawing):
     """A document in the making: words about it and elements, in the order in which they are added.
 
@@ -86,21 +109,9 @@ class Document(svgwrite.Drawing):
         if self.defs.elements:
             self.add(self.defs)
 
-    def add_element(self, element: Element, parent: BaseElement | None = None) -> None:
-        """Add a group, a path or an image and all that is in it, as svgwrite's elements."""
-        given = element.attributes
-        if element.tag == "path":
-            made = self.path(d=given.get("d", ""))
-        elif element.tag == "image":
-            made = self.image(href=given["xlink:href"])
-        elif element.tag == "g":
-            made = self.g()
-        else:
-            raise ValueError(f"documents of ours have no <{element.tag}>")
-        _set(made, given)
-        for child in element.children:
-            self.add_element(child, made)
-        (self if parent is None else parent).add(made)
+    def add_element(self, element: Element) -> None:
+        """Add a group, a path or an image and all that is in it."""
+        self.add(_Ready(element))
 
     def get_xml(self) -> ElementTree.Element:
         """The whole as a tree, an element a line: such files go under version control."""
