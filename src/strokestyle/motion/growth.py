@@ -66,13 +66,21 @@ def grow(
     out: list[list[Grown]] = [[] for _ in frames]
     for life in _lives(frames, places, fates):
         t = life[0].frame
-        if len(life) < LEAST_LIFE and not {t, t + len(life)} & ends:
+        if len(life) < LEAST_LIFE and not {t, t + len(life)} & ends and _flashes(life):
             continue
         for moment, low, high in zip(life, *_limits(life), strict=True):
             grown = _limited(moment, low, high)
             if grown is not None:
                 out[moment.frame].append(grown)
     return out
+
+
+def _flashes(life: list[_Moment]) -> bool:
+    """Tell whether most of a short life comes from nothing or goes to nothing.
+
+    What was drawn before by other strokes, and will be again, is there all the time.
+    """
+    return max(life[0].appears.mean(), life[-1].vanishes.mean()) > 0.5
 
 
 def _lives(
