@@ -382,14 +382,19 @@ def _farthest_from_chords(
     count = b - a - 1  # points between the ends
     head = np.cumsum(count) - count
     span = np.repeat(np.arange(len(a)), count)
-    row = np.arange(len(span)) + (a + 1 - head)[span]
+    row = np.arange(len(span)) + np.repeat(a + 1 - head, count)
     chord = columns[:, b] - columns[:, a]
     size = np.maximum(np.square(chord).sum(axis=0), 1e-18)
-    rel = [column[row] - column[a][span] for column in columns]
-    t = sum(r * (c / size)[span] for r, c in zip(rel, chord, strict=True))
-    t = np.clip(t, 0.0, 1.0)
-    square = sum(np.square(r - t * c[span]) for r, c in zip(rel, chord, strict=True))
-    return peaks(np.asarray(square), head, span, row)
+    rel = [column.take(row) - np.repeat(column[a], count) for column in columns]
+    t = np.zeros(len(row))
+    for r, c in zip(rel, chord, strict=True):
+        t += r * np.repeat(c / size, count)
+    np.clip(t, 0.0, 1.0, out=t)
+    square = np.zeros(len(row))
+    for r, c in zip(rel, chord, strict=True):
+        r -= t * np.repeat(c, count)
+        square += np.square(r, out=r)
+    return peaks(square, head, span, row)
 
 
 def peaks(

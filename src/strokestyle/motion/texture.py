@@ -335,10 +335,10 @@ def _is_of_one_ink(bank: TextureBank) -> bool:
 
 def _with_color(opacity: np.ndarray, ink: np.ndarray) -> np.ndarray:
     """Opacity (n, A, 1) in [0, 1] in the colours of ink (n, 4), as straight texels uint8."""
-    out = np.empty((*opacity.shape[:2], 4), np.uint8)
-    out[..., :3] = np.rint(np.clip(ink[:, None, 1:], 0, 1) * 255)
-    out[..., 3] = np.rint(opacity[..., 0] * 255)
-    return out
+    color = np.zeros((len(ink), 4), np.uint8)
+    color[:, :3] = np.rint(np.clip(ink[:, 1:], 0, 1) * 255)
+    level = np.rint(opacity[..., 0] * 255).astype("<u4")  # texels as wholes: half the time
+    return ((level << 24) | color.view("<u4")).view(np.uint8).reshape(*level.shape, 4)
 
 
 def _reversed_rows(offsets: np.ndarray, against: np.ndarray) -> np.ndarray:

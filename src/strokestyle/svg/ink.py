@@ -53,11 +53,20 @@ def inks(texture: Texture) -> Inks:
     """Measure the ink of every stroke's strip."""
     count, own = len(texture.offsets) - 1, owner(texture.offsets)
     alpha = texture.rgba[..., 3].astype(np.float32) / 255.0
+    dark = alpha.sum(axis=1)
+    amount = np.bincount(own, dark, count)
+    strength = np.square(alpha).sum(axis=1)
+    total = np.maximum(np.bincount(own, strength, count), 1e-9)
     square = np.zeros(count)
     mean = np.zeros((count, 3))
-    amount = np.bincount(own, alpha.sum(axis=1), count)
-    total = np.maximum(np.bincount(own, np.square(alpha).sum(axis=1), count), 1e-9)
+    even = texture.opacities is not None and _is_even(texture.rgba)  # as frames of one ink are
     for k in range(3):
+        if even:
+            row = texture.rgba[:, 0, k] / 255.0
+            mean[:, k] = np.bincount(own, dark * row, count)
+            mean[:, k] /= np.maximum(amount, 1e-9)
+            square += np.bincount(own, strength * np.square(row - mean[own, k]), count)
+            continue
         channel = texture.rgba[..., k].astype(np.float32) / 255.0
         mean[:, k] = np.bincount(own, (alpha * channel).sum(axis=1), count) / np.maximum(
             amount, 1e-9
@@ -68,3 +77,9 @@ def inks(texture: Texture) -> Inks:
     change[texture.offsets[1:-1] - 1] = 0.0
     grain = np.bincount(own[:-1], change, count) / np.maximum(amount, 1e-9)
     return Inks(mean, np.sqrt(square / total), grain, amount)
+
+
+def _is_even(rgba: np.ndarray) -> bool:
+    """Whether each row of texels (R, A, 4) uint8 has one colour throughout."""
+    color = np.ascontiguousarray(rgba).view("<u4")[..., 0] & 0xFFFFFF
+    return bool((color == color[:, :1]).all())

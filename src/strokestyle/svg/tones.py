@@ -9,13 +9,13 @@ whole ones, of TONE_UNIT px: a third less text than decimals.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array, identity
-from scipy.sparse.linalg import spsolve
+from scipy.linalg import solveh_banded
 
 from ..drawing.ribbon import Ribbon, ribbon
 from ..drawing.strokes import Drawing
@@ -30,6 +30,7 @@ MAX_POINTS = (
     85_000  # of all polygons: beyond it the slack grows, so that the file can be worked with
 )
 MAX_SLACK = 0.6  # px, the most that it grows to
+BAND = 4  # diagonals beneath the main one, of equations between neighbours on folded polygons
 HELD = 0.05  # weight of the spline through the points kept, beside 1 for each point of a contour
 SPECK = 3.0  # times the slack squared: regions and holes of less area are left out
 FOLD = 0.97  # of the radius of a bend, from its inside: texels beyond would be laid upside down
@@ -167,8 +168,9 @@ def _levels(
     thresholds are out of reach. A `histogram` (C, 256) is one of more than the strip: where strokes
     are of one ink, it says all.
     """
-    if histogram is not None and plain.all():
-        level, threshold = _distinct(*_refined(histogram, _partitioned(histogram, count)))
+    if histogram is not None and len(histogram) and plain.all():
+        told = [_levels_of(one.tobytes(), count) for one in histogram]
+        level, threshold = (np.concatenate(some) for some in zip(*told, strict=True))
         wanted = ink[:, None] * level[..., None]
         return _Levels(level, np.maximum(threshold, CLEAR), _painted_color(level, wanted))
     strokes, own = len(offsets) - 1, owner(offsets)
@@ -182,6 +184,13 @@ def _levels(
     mean = _mean_colors(rgba, key, np.repeat(ink, count + 1, axis=0))
     wanted = mean.reshape(strokes, count + 1, 3)[:, 1:] * level[..., None]
     return _Levels(level, np.maximum(threshold, CLEAR), _painted_color(level, wanted))
+
+
+@functools.lru_cache(maxsize=1 << 12)  # the strokes of a track have one in all frames
+def _levels_of(histogram: bytes, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The levels and thresholds (1, K) of one histogram (256,) float64."""
+    one = np.frombuffer(histogram)[None]
+    return _distinct(*_refined(one, _partitioned(one, count)))
 
 
 def _refined(histogram: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -320,13 +329,13 @@ class _Frames(NamedTuple):
         """Frames (M,) between rows, at rows `place` (M,) float."""
         row = np.minimum(place.astype(np.int64), len(self.half) - 2)
         part = place - row
-        after = part > 0  # else the next row may be another strip's
+        before, after = 1.0 - part, part > 0  # else the next row may be another strip's
 
         def between(values: np.ndarray) -> np.ndarray:
-            share, some = (part, after) if values.ndim == 1 else (part[:, None], after[:, None])
-            return values[row] * (1.0 - share) + np.where(some, values[row + 1], 0.0) * share
+            return values.take(row) * before + np.where(after, values.take(row + 1), 0.0) * part
 
-        return _Frames(*map(between, self))
+        xy = np.stack([between(np.ascontiguousarray(column)) for column in self.xy.T], axis=1)
+        return _Frames(xy, *map(between, self[1:]))
 
 
 def _joined(frames: list[_Frames]) -> _Frames:
@@ -461,10 +470,14 @@ def fit_bsplines(
     free = np.ones(len(xy), bool)
     free[ends[1:] - 1] = False
     piece, share = _places(xy, ends, keep, offsets)
-    matrix = _basis(piece[free], share[free], before, after)
-    normal = (matrix.T @ matrix + HELD * identity(len(kept))).tocsc()
-    # the order in which contours run is a good one: each point knows two neighbours
-    return spsolve(normal, matrix.T @ xy[free] + HELD * through, permc_spec="NATURAL")
+    weight, column = _basis(piece[free], share[free], before, after)
+    folded = _folded(offsets)
+    right = np.empty_like(through)
+    for axis, along in enumerate(xy[free].T):
+        right[:, axis] = np.bincount(column.ravel(), (weight * along).ravel(), len(kept))
+    right[folded] = right + HELD * through
+    normal = _normal_band(weight, folded[column], len(kept))
+    return solveh_banded(normal, right, lower=True, check_finite=False)[folded]
 
 
 def _places(
@@ -482,14 +495,39 @@ def _places(
 
 def _basis(
     piece: np.ndarray, share: np.ndarray, before: np.ndarray, after: np.ndarray
-) -> csr_array:
-    """The weights (M, n) of control points at places (M,), of which three count for each."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """The weights (3, M) of the control points (3, M) that count at places (M,)."""
     middle = np.where(share < 0.5, piece, after[piece])
     t = share + np.where(share < 0.5, 0.5, -0.5)
-    weight = np.stack([0.5 * (1 - t) ** 2, 0.5 + t * (1 - t), 0.5 * t * t], axis=1)
-    column = np.stack([before[middle], middle, after[middle]], axis=1)
-    rows = np.arange(0, 3 * len(t) + 1, 3)
-    return csr_array((weight.reshape(-1), column.reshape(-1), rows), (len(t), len(before)))
+    weight = np.stack([0.5 * (1 - t) ** 2, 0.5 + t * (1 - t), 0.5 * t * t])
+    return weight, np.stack([before[middle], middle, after[middle]])
+
+
+def _folded(offsets: np.ndarray) -> np.ndarray:
+    """Where the rows (n,) of closed polygons go when each is folded flat: first, last, second, ...
+
+    So what is within two of each other round a polygon is within BAND.
+    """
+    count = np.diff(offsets)
+    size, begin = np.repeat(count, count), np.repeat(offsets[:-1], count)
+    i = np.arange(offsets[-1]) - begin
+    return begin + np.where(2 * i <= size - 1, 2 * i, 2 * (size - i) - 1)
+
+
+def _normal_band(weight: np.ndarray, column: np.ndarray, count: int) -> np.ndarray:
+    """The normal equations of weights (3, M) of unknowns (3, M), HELD, by diagonals: (BAND + 1, n).
+
+    As `solveh_banded` takes the lower ones.
+    """
+    band = np.zeros((BAND + 1) * count)
+    for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)):
+        off, first = np.abs(column[a] - column[b]), np.minimum(column[a], column[b])
+        value = weight[a] * weight[b]
+        if a != b:
+            value[off == 0] *= 2.0  # a polygon of two points
+        band += np.bincount(off * count + first, value, len(band))
+    band[:count] += HELD
+    return band.reshape(BAND + 1, count)
 
 
 def _counted(keep: np.ndarray, offsets: np.ndarray) -> np.ndarray:
