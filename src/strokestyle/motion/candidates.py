@@ -10,6 +10,7 @@ import numpy as np
 from ..extract.line_options import LineOptions
 from ..extract.lines import SurfaceLines
 from ..extract.pipeline import SeenLines, see_lines
+from ..extract.rays import Bvh
 from ..extract.visible import Fragments
 from ..geometry.curves import stretches, tangents
 from ..render.choice import drawn_points
@@ -54,7 +55,7 @@ class Candidates:
     Parameters
     ----------
     shot : what is seen
-    lines : the lines of its surface
+    bvh : of its surface, all that is kept of what its lines were found with
     planned : strokes of N points, px of the style's canvas, that end where their curves do
     places : of their points
     kind : (N,) int8, of the line that each point comes from
@@ -64,7 +65,7 @@ class Candidates:
     """
 
     shot: Shot
-    lines: SurfaceLines
+    bvh: Bvh
     planned: Planned
     places: Places
     kind: np.ndarray
@@ -104,7 +105,7 @@ def _plan(shot: Shot, lines: SurfaceLines, style: Style, seen: SeenLines) -> Can
     places = Places.of(shot, seen.face[row], seen.point[row], planned.xy * scale)
     part_face = None if seen.part_face is None else seen.part_face[row]
     traces = Traces.of(seen.fragments)
-    return Candidates(shot, lines, planned, places, seen.kind[row], part_face, traces, scale)
+    return Candidates(shot, lines.bvh, planned, places, seen.kind[row], part_face, traces, scale)
 
 
 def _drawn(

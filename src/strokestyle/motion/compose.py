@@ -91,7 +91,7 @@ def make_frame(here: Candidates, style: Style, points: Points, strokes: list[Com
     planned = Planned(xy, offsets, kind, np.zeros((len(rows), 2), np.int64), none, none)
     places = points.places.take(rows)
     places = replace(places, offset=places.offset + (xy - points.xy[rows]) * here.scale)
-    bvh, spacing = here.lines.bvh, style.config.spacing
+    bvh, spacing = here.bvh, style.config.spacing
     scale = surface_scale(here.shot, bvh)
     surface = read_surface(here.shot, bvh, planned, places, scale, spacing)
     longer, row, past = run_on(planned, style.config.max_overshoot, spacing)

@@ -162,7 +162,7 @@ def found_points(here: Candidates, runs: list[Run], before: Candidates | None) -
     new = np.zeros(count, bool)
     if before is not None:  # what turns out to be there where one saw nothing before
         fresh = np.flatnonzero(~known)
-        new[fresh] = are_seen(before.shot, before.lines.bvh, places.take(fresh))
+        new[fresh] = are_seen(before.shot, before.bvh, places.take(fresh))
     part = np.zeros(count, np.int64) if here.part_face is None else here.part_face[rows]
     no = np.zeros(count, bool)
     along = np.concatenate([run.along for run in runs])
@@ -189,7 +189,7 @@ def left_over(here: Candidates, old: Points, found: Points, moves: bool) -> Poin
     old = old.take(~_replaced(old, found))
     if not len(old):
         return old
-    seen = are_seen(here.shot, here.lines.bvh, old.places)
+    seen = are_seen(here.shot, here.bvh, old.places)
     near, row = _beside(found, old, COVERED)
     own = near & seen & (found.sheet[row] == old.sheet if len(found) else near)
     traced, place = _traced(here, old)
