@@ -15,14 +15,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import arc
+from ..mesh.triangles import row_dot
 from ..render.plan import heading
 from .persist import Fate
-from .sheets import GAP, Points
+from .sheets import GAP, PLANNED, Points
 
 SHORTEST = 8.0  # px of a stroke
 MEETING = 13.0  # px between ends that may be drawn through
 BEND = np.cos(np.radians(50.0))  # between the headings of such ends, where no plan says so
 SPAN = 4  # points over which a heading is measured
+HOOK = 6  # points, at most, of what is left out where a stroke turns back
 REPEATED = 0.5  # px; nearer points of a stroke are one
 
 
@@ -231,8 +233,29 @@ def _stroke(points: Points, cut: list[np.ndarray], chain: list[tuple[int, bool]]
         chain = [(i, not turned) for i, turned in chain[::-1]]
     rows = np.concatenate([cut[i][::-1] if turned else cut[i] for i, turned in chain])
     step = np.hypot(*np.diff(points.xy[rows], axis=0).T)
-    rows = rows[np.r_[True, step > REPEATED]]
+    rows = _without_hooks(points, rows[np.r_[True, step > REPEATED]])
     return Stroke(-1, rows, points.sheet[rows], points.along[rows])
+
+
+def _without_hooks(points: Points, rows: np.ndarray) -> np.ndarray:
+    """Leave out points at which a stroke turns back where pieces of it meet, not where planned."""
+    for _ in range(HOOK):
+        step = np.diff(points.xy[rows], axis=0)
+        back = row_dot(step[:-1], step[1:]) < 0.0
+        plan = points.row[rows]
+        back &= (np.abs(np.diff(plan)[:-1]) != 1) | (np.abs(np.diff(plan)[1:]) != 1)
+        if not back.any():
+            break
+        drop = np.zeros(len(rows), bool)
+        drop[1:-1] = back
+        loose = points.support[rows] != PLANNED  # rather than the planned ones beside them
+        beside = np.zeros(len(rows), bool)
+        beside[:-1] |= drop[1:]
+        beside[1:] |= drop[:-1]
+        free = loose & beside
+        free[[0, -1]] = False
+        rows = rows[~np.where(free.any(), (drop & loose) | free, drop)]
+    return rows
 
 
 class _Names:
