@@ -294,6 +294,8 @@ def _ends(along: np.ndarray, extent: tuple[float, float] | None, side: int) -> b
 
 def _one_way(here: Candidates, piece: _Piece, period: float | None) -> list[_Piece]:
     """Turn a piece so that it runs the way of its sheet, and cut it where it turns back on it."""
+    if piece.closed:  # its last point is its first: to go round is not to turn back
+        piece = piece._replace(along=np.append(piece.along[:-1], np.nan))
     known = np.flatnonzero(np.isfinite(piece.along))
     if len(known) < 2:
         return [piece.off()]

@@ -232,9 +232,14 @@ def _stroke(points: Points, cut: list[np.ndarray], chain: list[tuple[int, bool]]
     if longest[1]:
         chain = [(i, not turned) for i, turned in chain[::-1]]
     rows = np.concatenate([cut[i][::-1] if turned else cut[i] for i, turned in chain])
-    step = np.hypot(*np.diff(points.xy[rows], axis=0).T)
-    rows = _without_hooks(points, rows[np.r_[True, step > REPEATED]])
+    rows = _apart(points, _without_hooks(points, _apart(points, rows)))
     return Stroke(-1, rows, points.sheet[rows], points.along[rows])
+
+
+def _apart(points: Points, rows: np.ndarray) -> np.ndarray:
+    """Leave out points that lie where the one before them does."""
+    step = np.hypot(*np.diff(points.xy[rows], axis=0).T)
+    return rows[np.r_[True, step > REPEATED]]
 
 
 def _without_hooks(points: Points, rows: np.ndarray) -> np.ndarray:
