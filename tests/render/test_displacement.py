@@ -187,3 +187,18 @@ def test_weights_of_the_deformations_add_up():
 def test_model_files_hold_the_weights_in_this_order():
     smooth, cut = ("smooth_3", "smooth_6", "smooth_12", "smooth_24"), ("cut_3", "cut_6", "cut_12")
     assert DEFORMATIONS == (*smooth, *cut, "inflate")
+
+
+@pytest.mark.parametrize("at", [0, 1, 2])
+def test_a_stroke_that_lies_past_its_curve_altogether_stays_and_moves_no_other(at):
+    lines = [arc(60.0, 30), arc(90.0, 40, centre=(200.0, 250.0))]
+    apart = [planned(line) for line in lines]
+    lines.insert(at, straight(2))
+    together = planned(*lines)
+    beyond, first = np.zeros(len(together.xy)), together.offsets[at]
+    beyond[first : first + 2] = 2.0, 5.0
+    moved = deformations_of(replace(together, overshoot=beyond), np.zeros_like(together.xy), STEP)
+    others = np.delete(moved, [first, first + 1], axis=0)
+    assert (moved[first : first + 2] == 0).all()
+    alone = [deformations_of(one, np.zeros_like(one.xy), STEP) for one in apart]
+    assert others == pytest.approx(np.concatenate(alone), abs=1e-9)

@@ -75,6 +75,7 @@ def deformations_of(
     smooth_S moves a point to where a Gaussian of S px takes its curve, whose ends stay; cut_T to
     the polyline that stays within T px of the curve; inflate by 1 px along the surface's normal.
     Points past an end lie straight on from where the curve's end is moved to, as its heading turns.
+    A stroke that lies past its curve altogether, lifted shorter than that is, stays where it is.
 
     Parameters
     ----------
@@ -88,8 +89,11 @@ def deformations_of(
     inner = np.flatnonzero(planned.on_curve)
     stroke = owner(planned.offsets)[inner]
     curves = np.searchsorted(stroke, np.arange(len(planned) + 1))
-    out[inner] = _deformations_of_curves(planned.xy[inner], normals[inner], curves, spacing, wanted)
+    whole = np.unique(curves)  # without those that no point lies on
+    out[inner] = _deformations_of_curves(planned.xy[inner], normals[inner], whole, spacing, wanted)
     for i, (a, b) in enumerate(zip(planned.offsets[:-1], planned.offsets[1:], strict=True)):
+        if curves[i] == curves[i + 1]:
+            continue
         first, end = inner[curves[i]], inner[curves[i + 1] - 1] + 1
         span = min(max(1, round(HEADING_SPAN / spacing)), end - first - 1)
         over = planned.overshoot[:, None, None] / max(span * spacing, 1e-9)
