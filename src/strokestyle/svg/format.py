@@ -251,8 +251,12 @@ DEFAULTS = {field.name: field.default for field in fields(SvgOptions)}
 
 
 def check_color(text: str) -> None:
-    """Raise ValueError unless `text` is #rgb, #rrggbb or a word, as names of CSS colours are."""
-    if not re.fullmatch(r"#[0-9a-fA-F]{3}|#[0-9a-fA-F]{6}|[a-zA-Z]{1,30}", text):
+    """Raise ValueError unless `text` is #rgb, #rrggbb or the name of a CSS colour."""
+    from PIL import ImageColor  # its map has the 148 names of CSS Color Module Level 4
+
+    if text.lower() in ImageColor.colormap:
+        return
+    if not re.fullmatch(r"#[0-9a-fA-F]{3}|#[0-9a-fA-F]{6}", text):
         raise ValueError(f"a colour is #rrggbb or a name such as ivory, got {text!r}")
 
 
