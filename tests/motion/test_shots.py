@@ -94,7 +94,7 @@ ONE = CAMERA.to_dict()
         ("", "not a list of cameras"),
         ("[1, 2", "not a list of cameras"),
         ("[" * 100000, "not a list of cameras"),
-        (ONE, "expected a JSON list of cameras"),
+        (ONE, "one camera: a path is a JSON list"),
         ("3", "expected a JSON list of cameras"),
         ([], "no cameras in it"),
         ([ONE, 3], "camera 1: expected a JSON object"),
@@ -119,3 +119,11 @@ def test_bytes_that_are_no_text_are_refused(tmp_path):
         load_cameras(tmp_path / "c.json")
     with pytest.raises(OSError):
         load_cameras(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize("wrap", [lambda c: c, lambda c: {"camera": c}])
+def test_one_camera_is_not_a_path(tmp_path, wrap):
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(wrap(CAMERA.to_dict())))
+    with pytest.raises(ValueError, match=r"camera\.json: one camera: .*--camera"):
+        load_cameras(path)

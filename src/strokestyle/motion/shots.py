@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -100,6 +101,11 @@ def load_cameras(path: str | Path) -> list[Camera]:
         raise ValueError(f"{path}: not a list of cameras (JSON expected: {error})") from None
     if isinstance(data, dict) and isinstance(data.get("cameras"), list):
         data = data["cameras"]
+    if isinstance(data, dict) and {"eye", "target"} & {*data, *_inner(data)}:
+        raise ValueError(
+            f"{path}: one camera: a path is a JSON list of them, one for each frame; --camera "
+            "takes a single one"
+        )
     if not isinstance(data, list):
         raise ValueError(
             f"{path}: expected a JSON list of cameras, each with eye, target, up, fov_y_deg and "
@@ -109,12 +115,16 @@ def load_cameras(path: str | Path) -> list[Camera]:
         raise ValueError(f"{path}: no cameras in it")
     cameras = []
     for i, one in enumerate(data):
-        inner = one.get("camera") if isinstance(one, dict) else None
-        cameras.append(
-            Camera.from_dict(inner if isinstance(inner, dict) else one, f"{path}: camera {i}")
-        )
+        inner = _inner(one) if isinstance(one, dict) else one
+        cameras.append(Camera.from_dict(inner, f"{path}: camera {i}"))
     check_sizes(cameras, f"{path}: camera")
     return cameras
+
+
+def _inner(data: dict[str, Any]) -> dict[str, Any]:
+    """The camera in what holds one under that name, else what is given."""
+    inner = data.get("camera")
+    return inner if isinstance(inner, dict) else data
 
 
 def views_of_shots(
