@@ -160,6 +160,9 @@ def test_scale_rate_and_background_of_films(studio, tmp_path):
         (["-o", "a.svg", "--still", "--on-twos"], ["--still, --on-twos: of an animation"]),
         (["-o", "a.svg", "-o", "b/", "--turntable", "2"], ["frames go to one place"]),
         (["-o", "a.gif", "-o", "a.gif", "--turntable", "2"], ["a.gif is given twice"]),
+        (["-o", "a.gif", "-o", "b/../a.gif", "--turntable", "2"], ["b/../a.gif is given twice"]),
+        (["-o", "a.gif", "--turntable", "2", "--fps", "nan"], ["--fps", "nan is not a number"]),
+        (["-o", "a.gif", "--turntable", "2", "--boil", "nan"], ["--boil", "nan is not a number"]),
         (["-o", "-", "--turntable", "2"], ["standard output takes one SVG"]),
         (["-o", "a.bmp", "--turntable", "2"], ["a.bmp: drawings are .svg"]),
         (["--turntable", "2"], ["nothing to write"]),
@@ -370,3 +373,28 @@ def test_a_film_that_is_killed_in_the_middle_is_not_there(studio, tmp_path):
     assert names(tmp_path) == ["f"]
     for path in (tmp_path / "f").glob("*.svg"):
         assert path.read_text().rstrip().endswith("</svg>")
+
+
+def test_an_animation_of_nothing_says_so(studio, tmp_path):
+    away = {**fit_camera(sphere(2).vertices).to_dict(), "eye": [0, 0, 3], "target": [0, 0, 9]}
+    path = tmp_path / "away.json"
+    path.write_text(json.dumps([away] * 2))
+    result = run(
+        "render", studio / "m.pt", studio / "ring.obj", "--path", path, "-o", tmp_path / "a.gif"
+    )
+    assert result.exit_code == 0 and "an empty animation" in result.stderr
+
+
+def test_frames_a_second_of_drawings_are_said_to_be_none(studio, tmp_path):
+    said = draw(studio, "--turntable", "1", "--fps", "24", "-o", f"{tmp_path}/a/").stderr
+    assert "--fps is of films" in said
+    said = draw(studio, "--turntable", "1", "--fps", "24", "-o", tmp_path / "a.gif").stderr
+    assert "--fps" not in said
+
+
+def test_a_background_is_a_colour(studio, tmp_path):
+    film = tmp_path / "a.gif"
+    args = ("--turntable", "1", "-o", film, "--background")
+    wrong(studio, *args, "nonsense", words=["a colour is #rrggbb", "'nonsense'"], code=1)
+    assert not film.exists()
+    draw(studio, *args, "LightYellow")

@@ -14,7 +14,7 @@ import click
 
 from .. import __version__
 from .messages import say, timed, told_warnings
-from .options import OptionGroup, view_options
+from .options import Number, OptionGroup, view_options
 from .outputs import STANDARD_OUTPUT, write_preview, write_svg_text
 from .progress import FrameDisplay
 from .shape import Shape
@@ -70,7 +70,7 @@ animation_options = OptionGroup(
     ),
     click.option(
         "--fps",
-        type=click.FloatRange(0.1, 240),
+        type=Number(0.1, 240),
         help=f"Frames a second of a film.  [default: {DEFAULT_RATE:g}]",
     ),
     click.option(
@@ -81,7 +81,7 @@ animation_options = OptionGroup(
     ),
     click.option(
         "--boil",
-        type=click.FloatRange(0, 1),
+        type=Number(0, 1),
         metavar="B",
         help="How much of a hand's chance is new in every drawing: 0 none, 1 all of it."
         f"  [default: 0; {BOIL_ON_TWOS:g} with --on-twos]",
@@ -219,9 +219,10 @@ def sorted_outputs(outputs: Sequence[str], animated: bool) -> Outputs:
         raise click.UsageError(
             f"frames go to one place, not to {' and '.join(others)}; films are {', '.join(FILMS)}"
         )
-    twice = {film for film in films if films.count(film) > 1}
+    real = [film.resolve() for film in films]
+    twice = [film for i, film in enumerate(films) if real[i] in real[:i]]
     if twice:
-        raise click.UsageError(f"-o {twice.pop()} is given twice")
+        raise click.UsageError(f"-o {twice[0]} is given twice")
     return Outputs(others[0] if others else None, films)
 
 
@@ -256,6 +257,8 @@ def plan_animation(
             "that deforms are a --sequence"
         )
     _check_films(films, options, [*found, *filter(None, [options.get("cameras")])])
+    if not films and options.get("fps"):
+        say("--fps is of films, and none is written: SVGs have no time")
     if output is None:
         return Plan([Job(name, str(films[0]))], sequence)
     if sequence and mirror:
@@ -424,6 +427,8 @@ def draw_animation(animation: Animation, style: Style | NeuralStrokesStyle, job:
     frames = f"{len(shots)} frame{'s' * (len(shots) > 1)}"
     each = f"{sum(strokes) / len(strokes):.0f} strokes each"
     told = f"{job.shape}: {frames}, {each} -> {written.told()}"
+    if not any(strokes):
+        told += " (no visible curves in any frame: an empty animation)"
     return Drawn(told, written.files, sum(strokes), sum(strokes))
 
 

@@ -11,6 +11,7 @@ import click
 from .messages import say, timed, told_warnings
 from .options import (
     PRESET_NAMES,
+    Number,
     common_options,
     curve_options,
     device_option,
@@ -66,7 +67,7 @@ Examples:
 )
 @click.option(
     "--minutes",
-    type=click.FloatRange(0.1, 60 * 24 * 30),
+    type=Number(0.1, 60 * 24 * 30),
     metavar="M",
     help="Take as many steps as this machine does in M minutes, learning rate brought down within "
     "them; never more than help (paper: than its schedule). How many differs from run to run, and "

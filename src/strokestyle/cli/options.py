@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -24,6 +25,19 @@ SIZES = (64, 8192)  # px, the least and the most of a canvas's side
 
 
 # ------------------------------------------------------------------------------- what options take
+
+
+class Number(click.FloatRange):
+    """A number in a range; nan, which is neither below nor above any, is in none."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, context: click.Context | None
+    ) -> Any:
+        """Read a number."""
+        number = super().convert(value, param, context)
+        if math.isnan(number):
+            self.fail(f"{value} is not a number.", param, context)
+        return number
 
 
 class Size(click.ParamType):
@@ -233,7 +247,7 @@ view_options = OptionGroup(
     ),
     click.option(
         "--fov",
-        type=click.FloatRange(1, 150),
+        type=Number(1, 150),
         help="Vertical field of view of a perspective, degrees.  [default: 30]",
     ),
     click.option(
@@ -279,27 +293,27 @@ line_options = OptionGroup(
     ),
     click.option(
         "--crease",
-        type=click.FloatRange(1, 180),
+        type=Number(1, 180),
         help="Dihedral angle of a crease, degrees.  [default: 40]",
     ),
     click.option(
         "--suggestive",
-        type=click.FloatRange(0),
+        type=Number(0),
         help="Threshold of suggestive contours, in units of the feature size.  [default: 0.01]",
     ),
     click.option(
         "--ridge",
-        type=click.FloatRange(0),
+        type=Number(0),
         help="Threshold of ridges, in units of the feature size.  [default: 0.4]",
     ),
     click.option(
         "--valley",
-        type=click.FloatRange(0),
+        type=Number(0),
         help="Threshold of valleys, in units of the feature size.  [default: 0.1]",
     ),
     click.option(
         "--apparent",
-        type=click.FloatRange(0),
+        type=Number(0),
         help="Threshold of apparent ridges, in units of the feature size.  [default: 0.1]",
     ),
 )
@@ -315,7 +329,7 @@ curve_options = OptionGroup(
     ),
     click.option(
         "--spacing",
-        type=click.FloatRange(0.5, 50),
+        type=Number(0.5, 50),
         help="Distance of the curves' points, pixels.  [default: 3]",
     ),
     click.option(
@@ -376,7 +390,7 @@ batch_options = OptionGroup(
     ),
     click.option(
         "--timeout",
-        type=click.FloatRange(0, min_open=True),
+        type=Number(0, min_open=True),
         metavar="SECONDS",
         help="Give up a shape that takes longer, and go on with the others.",
     ),
@@ -406,13 +420,13 @@ file_options = OptionGroup(
     ),
     click.option(
         "--texture-res",
-        type=click.FloatRange(0.1, 16),
+        type=Number(0.1, 16),
         metavar="R",
         help="Pixels of an image texture per pixel.  [default: 1.75]",
     ),
     click.option(
         "--tolerance",
-        type=click.FloatRange(0, 100, min_open=True),
+        type=Number(0, 100, min_open=True),
         metavar="PX",
         help="How far an outline may be off; a tone's edge, twice that.  [default: 0.1]",
     ),

@@ -31,6 +31,7 @@ from .model import read_style
 from .options import (
     CHOICES,
     TEXTURES,
+    Number,
     batch_options,
     common_options,
     curve_options,
@@ -128,7 +129,7 @@ Examples:
 @click.option("--png", is_flag=True, help="Write a PNG preview beside each SVG.")
 @click.option(
     "--png-scale",
-    type=click.FloatRange(0.1, 16),
+    type=Number(0.1, 16),
     default=1.0,
     show_default=True,
     help="Pixels of previews and films per SVG pixel.",
