@@ -16,14 +16,13 @@ from ..mesh.triangles import row_dot
 from ..render.plan import PULL
 from .candidates import Candidates
 from .fit import fitted
-from .sheets import FIXED, SOFT, Points, Run, extents
+from .sheets import FIXED, SOFT, Points, Run, alike_in_depth, extents
 
 CONTOUR = KINDS.index("contour")
 REACH = 10.0  # px of the style's canvas between a line and where the surface carried it
 NEIGHBOURS = 16  # points of sheets that are looked at for each of a stroke
 ANGLE = np.cos(np.radians(40.0))
 FACING = 0.5  # cosine between normals on the picture of one contour
-DEPTHS = (14.0, 90.0)  # px in depth between a line and where it was carried: fixed, and sliding
 OTHER_CLASS = 0.4  # of REACH: what it costs that one of both is soft and the other not
 NO_SHEET, NOT_NEAR = 0.8, 1.2  # cost of a point that is of no sheet, and of one that lies off it
 SWITCH = 2.0  # cost of going over from sheet to sheet
@@ -169,11 +168,8 @@ def _alike(here: Candidates, old: Points, row: np.ndarray, at: np.ndarray) -> np
     """Tell which pairs of a planned point and one of a sheet may be one line, (M,) bool."""
     camera = here.shot.camera
     depth, was = (camera.project(p.points(here.shot))[1] for p in (here.places, old.places))
-    per_px = camera.focal / here.scale
-    if camera.extent is None:
-        per_px = per_px / max(float(np.median(depth)), 1e-6)
     fixed = FIXED[here.kind[row]] & FIXED[old.kind[at]]
-    good = np.abs(depth[row] - was[at]) * per_px <= np.where(fixed, *DEPTHS)
+    good = alike_in_depth(here, depth[row], was[at], fixed)
     right, down, _ = camera.axes
     screen = np.stack([right, down], axis=1)
     normal, before = (p.normals(here.shot) @ screen for p in (here.places, old.places))

@@ -18,9 +18,9 @@ from ..geometry.curves import counting, runs
 from .sheets import BARE, PLANNED, TRACED, Points
 
 PIECE = 6.0  # px of a line that are decided on together
-REASON = {PLANNED: 1.0, TRACED: -0.45, BARE: -1.0}  # in frames, to draw it
-COVERED = -0.6  # where a stroke of another line runs
-CHANGE, UNSEEN_CHANGE = 2.5, 0.8  # frames
+REASON = {PLANNED: 1.0, TRACED: -0.6, BARE: -1.0}  # in frames, to draw it
+COVERED = -1.3  # where a stroke of another line runs
+CHANGE, UNSEEN_CHANGE = 6.0, 0.8  # frames
 ABSENT, HIDDEN, SHOWN = 0, 1, 2
 BLUR = np.array([1.0, 2.0, 3.0, 2.0, 1.0])  # of reasons, over pieces
 CELLS = 4_000_000  # pieces times frames that are decided on at once: bounds memory

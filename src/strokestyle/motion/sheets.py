@@ -36,6 +36,7 @@ STALE = 3  # frames for which a line that depends on the view is carried without
 COVERED = 6.0  # px from a stroke, within which another line would double it
 TRACED_REACH = 8.0  # px between a line and where it was carried
 AWAY = 0.35  # n.v below -AWAY, smoothed normals and all, a closed surface cannot be seen
+DEPTHS = (14.0, 90.0)  # px in depth between a line and where it was carried: fixed, and sliding
 PARALLEL = np.cos(np.radians(35.0))
 
 
@@ -191,9 +192,10 @@ def left_over(here: Candidates, old: Points, found: Points, moves: bool) -> Poin
         return old
     seen = are_seen(here.shot, here.bvh, old.places)
     near, row = _beside(found, old, COVERED)
-    own = near & seen & (found.sheet[row] == old.sheet if len(found) else near)
     traced, place = _traced(here, old)
     fixed = FIXED[old.kind]
+    seen |= traced & ~fixed  # a line that slides may be seen where the surface has turned away
+    own = near & seen & (found.sheet[row] == old.sheet if len(found) else near)
     support = np.where(traced & seen, TRACED, BARE)
     age = np.where(traced & seen, 0, old.age + 1)
     kept = ~own & ((fixed & ~(moves & seen)) | (age <= STALE))
@@ -290,7 +292,23 @@ def _traced(here: Candidates, points: Points) -> tuple[np.ndarray, Places]:
     row = np.where(near, row, 0)
     near &= np.abs(row_dot(traces.along[row], points.tangents)) > PARALLEL
     place = Places.of(here.shot, traces.face[row], traces.point[row], traces.xy[row])
+    depth, was = (p.seen(here.shot)[1] for p in (place, points.places))
+    near &= alike_in_depth(here, depth, was, FIXED[points.kind])
     return near, place
+
+
+def alike_in_depth(
+    here: Candidates, depth: np.ndarray, carried: np.ndarray, fixed: np.ndarray
+) -> np.ndarray:
+    """Tell whether lines lie about as deep as where they were carried, (n,) bool.
+
+    Those fixed on the surface may be DEPTHS[0] px apart, others, which slide, DEPTHS[1].
+    """
+    camera = here.shot.camera
+    per_px = camera.focal / here.scale
+    if camera.extent is None:
+        per_px = per_px / np.maximum(carried, 1e-6)
+    return np.abs(depth - carried) * per_px <= np.where(fixed, *DEPTHS)
 
 
 def are_seen(shot: Shot, bvh: Bvh, places: Places) -> np.ndarray:

@@ -21,7 +21,7 @@ from .persist import Fate
 from .sheets import GAP, PLANNED, Points
 
 SHORTEST = 8.0  # px of a stroke
-MEETING = 13.0  # px between ends that may be drawn through
+MEETING = 18.0  # px between ends that may be drawn through
 BEND = np.cos(np.radians(50.0))  # between the headings of such ends, where no plan says so
 SPAN = 4  # points over which a heading is measured
 HOOK = 6  # points, at most, of what is left out where a stroke turns back

@@ -15,7 +15,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..extract.line_options import LineOptions
-from ..geometry.curves import DEFAULT_SPACING
+from ..geometry.curves import DEFAULT_SPACING, arc
 from ..geometry.kinds import KINDS
 from ..render.style import Style
 from .anchor import anchor
@@ -26,9 +26,10 @@ from .follow import Follower
 from .frames import Frame, Shot
 from .growth import grow
 from .persist import decide
-from .sheets import Points
+from .sheets import SOFT, Points
 from .strokes import Stroke, name_strokes
 
+SHORT, SHORT_LIFE = 36.0, 4  # px, and frames, of a soft line that is worth a stroke
 AHEAD = 10  # frames of a loop before its first and behind its last that are looked at
 
 
@@ -70,6 +71,7 @@ def _composed(frames: list[Points], cuts: set[int], style: Style) -> list[list[C
     fates = decide(frames, cuts)
     strokes = name_strokes(frames, fates)
     kinds = _kinds(frames, strokes)
+    strokes = _without_scraps(frames, strokes, kinds)
     lines = [
         [smoothed(points, stroke.rows) for stroke in some]
         for points, some in zip(frames, strokes, strict=True)
@@ -88,6 +90,30 @@ def _composed(frames: list[Points], cuts: set[int], style: Style) -> list[list[C
             )  # fmt: skip
         out.append(composed)
     return out
+
+
+def _without_scraps(
+    frames: list[Points], strokes: list[list[Stroke]], kinds: dict[int, int]
+) -> list[list[Stroke]]:
+    """Leave out tracks of soft lines that are never long, or not for long: noise of many frames.
+
+    Of a short animation they are those that a still of it would have, and stay.
+    """
+    if len(frames) < SHORT_LIFE:
+        return strokes
+    longest: dict[int, float] = {}
+    life: dict[int, int] = {}
+    for points, some in zip(frames, strokes, strict=True):
+        for stroke in some:
+            length = float(arc(points.xy[stroke.rows])[-1])
+            longest[stroke.track] = max(longest.get(stroke.track, 0.0), length)
+            life[stroke.track] = life.get(stroke.track, 0) + 1
+    scraps = {
+        track
+        for track, length in longest.items()
+        if SOFT[kinds[track]] and (length < SHORT or life[track] < SHORT_LIFE)
+    }
+    return [[stroke for stroke in some if stroke.track not in scraps] for some in strokes]
 
 
 def _kinds(frames: list[Points], strokes: list[list[Stroke]]) -> dict[int, int]:
