@@ -35,7 +35,13 @@ def test_an_error_and_its_kind_go_together():
 @pytest.mark.parametrize(
     "line", ["", "{", "[]", "3", "null", '"a"', "{}", '{"shape": "a"}', "[" * 5000,
              '{"shape": "a", "output": "b", "files": 3}', '{"shape": 1, "output": 2}',
-             '{"shape": "a", "output": "b", "error": "no"}', b"\xff\xfe"],
+             '{"shape": "a", "output": "b", "error": "no"}', b"\xff\xfe",
+             *(f'{{"shape": "a", "output": "b", {field}}}' for field in (
+                 '"seconds": null', '"seconds": NaN', '"seconds": 1e400', '"cpu_seconds": "2"',
+                 '"memory_mb": []', '"memory_mb": -1', '"lines": 1.5', '"strokes": true',
+                 '"attempts": 1' + 400 * "0", '"key": 5', '"files": "b"', '"files": ["b\\u0000"]',
+                 '"warnings": [null]', '"error": 5, "failure": "error"')),
+             ],
 )  # fmt: skip
 def test_what_is_no_line_is_refused(line):
     with pytest.raises(ValueError, match="no line of a batch's journal"):

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 # Why a shape was not drawn: it cannot be; more memory or time than it was given; its worker died.
 FAILURES = ("error", "memory", "timeout", "killed")
+MOST = 2**53  # of any figure: whole numbers to there are exact for every reader of JSON
 
 
 class Drawn(NamedTuple):
@@ -112,11 +113,29 @@ class Outcome:
         try:
             values: dict[str, Any] = {k: v for k, v in json.loads(line).items() if k in known}
             for name in ("files", "warnings"):
-                values[name] = tuple(str(text) for text in values.get(name, ()))
+                if not isinstance(values.setdefault(name, []), list):
+                    raise TypeError
+                values[name] = tuple(values[name])
             outcome = cls(**values)
+            if not outcome._is_written():
+                raise TypeError
             return outcome._joined(folder) if folder else outcome
         except (TypeError, AttributeError, ValueError, RecursionError):
             raise ValueError("no line of a batch's journal") from None
+
+    def _is_written(self) -> bool:
+        """Whether these are values that `to_json` writes: a journal comes from anywhere."""
+        texts = [self.shape, self.output, self.worker, self.key, self.digest, *self.warnings]
+        texts += [*self.files, self.error or "", self.failure or ""]
+        counts = (self.lines, self.strokes, self.attempts)
+        memory = 0.0 if self.memory_mb is None else self.memory_mb
+        measures = (self.seconds, self.cpu_seconds, memory)
+        return (
+            all(type(one) is str for one in texts)
+            and not any("\0" in name for name in (self.shape, self.output, *self.files))
+            and all(type(one) is int and 0 <= one < MOST for one in counts)
+            and all(type(one) in (int, float) and 0 <= one < MOST for one in measures)
+        )
 
     def _joined(self, folder: str) -> Outcome:
         files = tuple(os.path.normpath(os.path.join(folder, file)) for file in self.files)
