@@ -1,5 +1,7 @@
 """Nothing is half-written: the old file stays until the new one is whole."""
 
+import errno
+
 import pytest
 
 from strokestyle.files import check_writable, replace_file, write_bytes
@@ -18,6 +20,21 @@ def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path):
         replace_file(path, broken)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_errors_of_the_disk_name_the_file_that_was_to_be(tmp_path):
+    path = tmp_path / "a.svg"
+
+    def full(name):
+        raise OSError(errno.ENOSPC, "No space left on device")  # what writing to a file raises
+
+    with pytest.raises(OSError, match="a.svg") as told:
+        replace_file(path, full)
+    assert (told.value.errno, told.value.filename) == (errno.ENOSPC, str(path))
+    with pytest.raises(OSError) as told:
+        write_bytes(tmp_path / (252 * "a" + ".svg"), b"")
+    assert told.value.filename.endswith("aa.svg") and told.value.filename2 is None
+    assert not list(tmp_path.iterdir())
 
 
 def test_it_replaces(tmp_path):

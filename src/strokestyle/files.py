@@ -37,14 +37,19 @@ def replace_file(path: str | Path, write: Callable[[str], None]) -> None:
     path = Path(path)
     check_writable(path)
     prefix = f".{path.name[:40]}.{_writer(os.getpid())}-"
-    handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=path.parent)
-    os.close(handle)
+    name = None
     try:
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=path.parent)
+        os.close(handle)
         write(name)
         os.chmod(name, (path.stat().st_mode if path.exists() else 0o666 & ~_umask()) & 0o777)
         os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
+    except BaseException as error:
+        if name:
+            Path(name).unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.strerror:
+            if not name or error.filename in (None, name):  # a full disk: no name, or not the one
+                raise OSError(error.errno, error.strerror, str(path)) from None
         raise
 
 

@@ -87,12 +87,25 @@ def test_two_runs_at_the_same_time_write_to_one_journal(tmp_path):
     second.close()
 
 
+def test_a_journal_that_cannot_be_written_is_named(tmp_path):
+    journal = Journal(str(tmp_path), lambda old: True)
+    os.close(journal._file)
+    journal._file = os.open(journal.path, os.O_RDONLY)  # as a disk that is full
+    with pytest.raises(OSError) as told:
+        journal.add(outcome("one", str(tmp_path)))
+    assert told.value.filename == journal.path
+    journal.close()
+
+
 def test_what_is_no_journal_is_named(tmp_path):
     with pytest.raises(FileNotFoundError):
         read_journal(tmp_path)
     (tmp_path / NAME).write_text("dear diary\nI drew a cow\n")
     with pytest.raises(ValueError, match="batch.jsonl: no journal of a batch"):
         read_journal(tmp_path)
+    with pytest.raises(ValueError, match="batch.jsonl: no journal of a batch"):
+        Journal(str(tmp_path), lambda old: True)
+    assert (tmp_path / NAME).read_text() == "dear diary\nI drew a cow\n"
     (tmp_path / NAME).write_text("")
     assert read_journal(tmp_path) == []
 

@@ -29,26 +29,30 @@ class Journal:
     folder : that of the drawings
     keep : whether a line that is there stays
 
-    Raises OSError where it cannot be written.
+    Raises OSError where it cannot be written, ValueError where a file of that name is no journal.
     """
 
     def __init__(self, folder: str, keep: Callable[[Outcome], bool]):
         self.folder, self.path = folder, os.path.join(folder, NAME)
         self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
-        with _locked(self._file):
-            old = _read_all(self._file)
-            kept = [one for one in parse_lines(old, folder) if keep(one)]
-            new = b"".join(self._line(one) for one in kept)
-            if new != old:
-                # In this order a kill in between leaves old lines, none torn but the first of them.
-                _write_at(self._file, new, 0)
-                os.ftruncate(self._file, len(new))
-                os.fsync(self._file)
+        try:
+            with _locked(self._file), _named(self.path):
+                old = _read_all(self._file)
+                kept = [one for one in _parse_journal(old, folder) if keep(one)]
+                new = b"".join(self._line(one) for one in kept)
+                if new != old:
+                    # In this order a kill in between leaves old lines, none torn but the first.
+                    _write_at(self._file, new, 0)
+                    os.ftruncate(self._file, len(new))
+                    os.fsync(self._file)
+        except BaseException:
+            self.close()
+            raise
 
     def add(self, outcome: Outcome) -> None:
         """Append a line, on the disk when this returns. Raises OSError where there is no room."""
         line = self._line(outcome)
-        with _locked(self._file):
+        with _locked(self._file), _named(self.path):
             end = os.lseek(self._file, 0, os.SEEK_END)
             if end and _read_at(self._file, end - 1, 1) != b"\n":  # another run was killed at it
                 line = b"\n" + line
@@ -77,11 +81,16 @@ def read_journal(folder: str | Path) -> list[Outcome]:
     OSError
         where it cannot be read.
     """
-    path = Path(folder) / NAME
-    data = path.read_bytes()
-    found = parse_lines(data, str(folder))
+    return _parse_journal((Path(folder) / NAME).read_bytes(), str(folder))
+
+
+def _parse_journal(data: bytes, folder: str) -> list[Outcome]:
+    found = parse_lines(data, folder)
     if data.strip() and not found and b"\n" in data:
-        raise ValueError(f"{path}: no journal of a batch; `strokestyle render` writes it")
+        path = os.path.join(folder, NAME)
+        raise ValueError(
+            f"{path}: no journal of a batch, which `strokestyle render` writes; move it elsewhere"
+        )
     return found
 
 
@@ -102,6 +111,16 @@ def is_whole(outcome: Outcome) -> bool:
         return outcome.drawn and outcome.digest == content_digest(outcome.files)
     except OSError:
         return False
+
+
+@contextlib.contextmanager
+def _named(path: str) -> Iterator[None]:
+    """Have errors of the system name the file."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = path
+        raise
 
 
 @contextlib.contextmanager

@@ -363,7 +363,13 @@ def _say(outcome: Outcome) -> None:
 
 def _print(outcome: Outcome, tell: bool) -> None:
     if tell:
-        click.echo(outcome.to_json())
+        try:
+            click.echo(outcome.to_json())
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            error.filename = "standard output"
+            raise
 
 
 class _terminated_like_interrupted:
