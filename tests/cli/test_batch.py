@@ -208,3 +208,19 @@ def test_memory_is_told_in_units():
     convert = MemorySize().convert
     told = [convert(text, None, None) for text in ("2G", "1.5g", "800MB", "1 GiB", "64K")]
     assert told == [2 << 30, 3 << 29, 800 << 20, 1 << 30, 64 << 10]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell that closes streams")
+def test_a_batch_is_drawn_where_a_daemon_has_closed_the_standard_streams(place, tmp_path):
+    out = tmp_path / "out"
+
+    def closed(streams, shapes):
+        command = [sys.executable, "-m", "strokestyle", "render", place / "m.pt", shapes, "-o", out]
+        shell = ["sh", "-c", f'exec "$@" {streams}', "sh", *command, *SMALL]
+        return subprocess.run(list(map(str, shell)), stderr=subprocess.PIPE, text=True)
+
+    assert closed("<&- >&- 2>&-", place / "in").returncode == 1  # one of them is bad
+    assert drawings(out) == drawings(place / "alone")
+    assert len(read_journal(out)) == 4  # nothing that is said is written into another file
+    told = closed("<&-", "-").stderr
+    assert told.startswith("strokestyle: standard input: no shapes") and told.count("\n") == 1

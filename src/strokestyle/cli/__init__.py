@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 from typing import Any
 
@@ -14,6 +16,10 @@ from .messages import describe, say
 
 class Group(click.Group):
     """The one place that turns errors for the person into one line and exit code 1."""
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        open_standard_streams()
+        return super().main(*args, **options)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -29,6 +35,23 @@ class Group(click.Group):
         except (ValueError, OSError, MemoryError) as error:
             say(f"strokestyle: {describe(error)}", level=-1)
             ctx.exit(1)
+
+
+def open_standard_streams() -> None:
+    """Open what of standard input, output and error is closed: to nothing.
+
+    A daemon may close them. Else the next file that is opened takes their numbers, so that what is
+    for people is written into it, and Python has None in the streams' place.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free is this one
+            with contextlib.suppress(OSError):
+                os.set_inheritable(number, True)  # workers have it as well
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w" if number else "r"))
 
 
 @click.group(
