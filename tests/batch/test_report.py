@@ -136,6 +136,9 @@ def test_no_drawing_is_overwritten(batch):
     drawing = next(batch.glob("*.svg"))
     before = drawing.read_bytes()
     refused("report", batch, "-o", drawing, words=["is the input"])
+    journal = (batch / NAME).read_bytes()
+    refused("report", batch, "-o", batch / NAME, words=[NAME, "is the input"])
+    assert (batch / NAME).read_bytes() == journal
     assert drawing.read_bytes() == before
 
 

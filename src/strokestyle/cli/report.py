@@ -40,11 +40,13 @@ def report(folder: str, output: str, title: str | None, show: bool) -> None:
     """
     if show and output == STANDARD_OUTPUT:
         raise click.UsageError("--open needs a file to open: give -o report.html")
+    from ..batch.journal import NAME
     from ..batch.report import find_entries, report_html
     from .progress import FrameDisplay
 
     entries = find_entries(folder)
-    check_outputs([output], [name for entry in entries for name in entry.files])
+    inputs = [name for entry in entries for name in entry.files]
+    check_outputs([output], [*inputs, *map(str, Path(folder).rglob(NAME))])
     base = "" if output == STANDARD_OUTPUT else os.path.dirname(os.path.abspath(output))
     name = title or os.path.basename(os.path.abspath(folder))
     with FrameDisplay() as display:
