@@ -11,7 +11,7 @@ import pytest
 
 from strokestyle.batch.memory import MB, can_be_watched, resident
 from strokestyle.batch.plan import Job
-from strokestyle.batch.pool import ATTEMPTS, Limits, NoWorkers, draw_in_workers
+from strokestyle.batch.pool import ATTEMPTS, Limits, NoWorkers, Pool, draw_in_workers
 
 needs_posix = pytest.mark.skipif(os.name == "nt", reason="signals")
 
@@ -51,6 +51,19 @@ def test_workers_stop_when_the_caller_leaves_off(tmp_path):
     outcomes.close()
     assert time.monotonic() - start < 5
     assert resident(worker) is None and not parts_in(tmp_path)
+
+
+@needs_posix
+def test_workers_that_are_abandoned_are_no_more(tmp_path):
+    pool = Pool(fake_drawing.prepare, 1, Limits())
+    worker = int(pool.draw(jobs_in(tmp_path, "a")[0]).worker)
+    pool.abandon()
+    end = time.monotonic() + 5
+    with pytest.raises(ProcessLookupError):  # a zombie is still found
+        while time.monotonic() < end:
+            os.kill(worker, 0)
+            time.sleep(0.02)
+    pool.stop()
 
 
 @needs_posix

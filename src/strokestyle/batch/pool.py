@@ -122,6 +122,7 @@ class _Worker:
         except (EOFError, OSError, pickle.UnpicklingError):
             heard.put((self, None))
         self.process.stdout.close()
+        self.process.wait()  # else one that nobody waits for stays as a zombie
 
     def close(self) -> None:
         """Send no more: a worker that lives stops."""
