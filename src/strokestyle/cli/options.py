@@ -226,6 +226,18 @@ common_options = OptionGroup(
     ),
 )
 
+# Where a page goes.
+page_options = OptionGroup(
+    click.option(
+        "-o",
+        "--output",
+        type=click.Path(),
+        required=True,
+        help="The page to write; - is standard output.",
+    ),
+    click.option("--open", "show", is_flag=True, help="Show it in the browser."),
+)
+
 view_options = OptionGroup(
     click.option(
         "--view",

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from .messages import say
-from .options import common_options
+from .options import common_options, page_options
 from .outputs import STANDARD_OUTPUT, check_outputs
 
 
@@ -20,15 +20,8 @@ Examples:
   strokestyle report drawings/ -o sheet.html --title 'Twelve teapots'"""
 )
 @click.argument("folder", type=click.Path())
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(),
-    required=True,
-    help="The page to write; - is standard output.",
-)
+@page_options
 @click.option("--title", metavar="TEXT", help="Title of the page.  [default: the folder's name]")
-@click.option("--open", "show", is_flag=True, help="Show it in the browser.")
 @common_options
 def report(folder: str, output: str, title: str | None, show: bool) -> None:
     """Write a page on what became of a batch: pictures, times, failures, links.

@@ -9,7 +9,7 @@ import click
 
 from .drawing import read_drawing
 from .messages import say, timed
-from .options import common_options
+from .options import common_options, page_options
 from .outputs import STANDARD_OUTPUT, check_outputs
 
 
@@ -21,14 +21,7 @@ Examples:
   strokestyle render model.pt mesh.obj -o - | strokestyle view - -o page.html"""
 )
 @click.argument("files", nargs=-1, required=True, type=click.Path())
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(),
-    required=True,
-    help="The page to write; - is standard output.",
-)
-@click.option("--open", "show", is_flag=True, help="Show it in the browser.")
+@page_options
 @common_options
 def view(files: tuple[str, ...], output: str, show: bool) -> None:
     """Write a page on which to look at FILES and play with them.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.curves import KINDS, check_offsets, owner, runs, take_ragged
+from ..geometry.curves import KINDS, check_offsets, kept_stretches, owner, take_ragged
 from ..mesh.surface import Surface
 from ..mesh.triangles import row_dot
 
@@ -104,15 +104,14 @@ class SurfaceCurves:
         """Cut out stretches of two or more kept points, `keep` (N,) bool; cut loops are open."""
         if keep.all():
             return self
-        line = owner(self.offsets)
-        start = runs(keep, line)
-        count = np.diff(start)
-        good = np.flatnonzero(keep[start[:-1]] & (count >= 2))
-        rows, offsets = take_ragged(start, good)
-        of = line[start[good]]
-        closed = self.closed[of] & (count[good] == np.diff(self.offsets)[of])
+        rows, offsets, of, whole = kept_stretches(owner(self.offsets), keep)
         return SurfaceCurves(
-            self.face[rows], self.bary[rows], offsets, self.kind[of], closed, self.strength[rows]
+            self.face[rows],
+            self.bary[rows],
+            offsets,
+            self.kind[of],
+            self.closed[of] & whole,
+            self.strength[rows],
         )
 
     def points(self, surface: Surface) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.curves import Curves, counting, is_kind, owner, runs, take_ragged
+from ..geometry.curves import Curves, counting, is_kind, kept_stretches, owner, runs, take_ragged
 from ..geometry.kinds import SHARP_KINDS
 from ..mesh.surface import Surface
 from ..mesh.triangles import row_dot
@@ -96,14 +96,8 @@ class SampledLines:
         if not len(self.line):
             none = np.zeros(0)
             return Fragments(Curves.empty(), none, none.astype(np.int64), np.zeros((0, 3)))
-        start = runs(wanted, self.line)
-        count = np.diff(start)
-        good = np.flatnonzero(wanted[start[:-1]] & (count >= 2))
-        rows, offsets = take_ragged(start, good)
-        kept = self.line[start[good]]
-        whole = count[good] == np.bincount(self.line, minlength=len(self.lines))[kept]
-        closed = self.lines.closed[kept] & whole
-        curves = Curves(self.xy[rows], offsets, self.lines.kind[kept], closed)
+        rows, offsets, of, whole = kept_stretches(self.line, wanted)
+        curves = Curves(self.xy[rows], offsets, self.lines.kind[of], self.lines.closed[of] & whole)
         place = _between(self.lines, self.points, self.row[rows], self.share[rows])
         return Fragments(curves, self.strength[rows], self.face[rows], place)
 

@@ -27,14 +27,7 @@ def write_apng(path: str, pictures: Pictures, rate: Fraction, transparent: bool 
     ----------
     rate : frames a second
     transparent : keep the pictures' transparency; else they are opaque
-
-    Raises
-    ------
-    ValueError
-        where there are no pictures.
     """
-    if not len(pictures):
-        raise ValueError("a film needs at least one picture")
     mode, number = ("RGBA" if transparent else "RGB"), 0
     before: np.ndarray | None = None
     with open(path, "wb") as file:

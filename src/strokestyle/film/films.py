@@ -49,13 +49,16 @@ def write_film(
     Raises
     ------
     ValueError
-        naming `path`, where the film cannot be written
+        naming `path`, where the film cannot be written, or there are no pictures
     OSError
         where the file cannot.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in (*WRITERS, *CODECS):
         raise ValueError(f"{path}: a film of pixels is {', '.join((*WRITERS, *CODECS))}")
+
+    if not len(pictures):
+        raise ValueError(f"{path}: a film needs at least one picture")
 
     def write(name: str) -> None:
         if suffix in CODECS:

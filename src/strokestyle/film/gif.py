@@ -49,10 +49,8 @@ def write_gif(path: str, pictures: Pictures, rate: Fraction, transparent: bool =
     Raises
     ------
     ValueError
-        where there are no pictures, or too many a second.
+        where there are too many a second.
     """
-    if not len(pictures):
-        raise ValueError("a film needs at least one picture")
     check_rate(rate / pictures.held[0])  # the last one may be held for less than the others
     palette = Palette.of(pictures, transparent)
     times = [max(SHORTEST, time) for time in durations(pictures.held, rate, UNIT)]

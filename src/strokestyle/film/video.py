@@ -67,10 +67,8 @@ def write_video(
     Raises
     ------
     ValueError
-        where there are no pictures, or ffmpeg is missing or fails: its last words.
+        where ffmpeg is missing or fails: its last words.
     """
-    if not len(pictures):
-        raise ValueError("a film needs at least one picture")
     check_encoder(suffix)
     encoder, asked = CODECS[suffix]
     command = [

@@ -24,10 +24,8 @@ def write_webp(path: str, pictures: Pictures, rate: Fraction, transparent: bool 
     Raises
     ------
     ValueError
-        where there are no pictures, or a side is too long.
+        where a side is too long.
     """
-    if not len(pictures):
-        raise ValueError("a film needs at least one picture")
     if max(pictures.size) > MOST:
         raise ValueError(f"a WebP has sides of up to {MOST} pixels, not {max(pictures.size)}")
     images = (Image.fromarray(a) for a in pictures.arrays("RGBA" if transparent else "RGB"))

@@ -164,6 +164,29 @@ def runs(*values: np.ndarray) -> np.ndarray:
     return np.flatnonzero(starts)
 
 
+def kept_stretches(
+    line: np.ndarray, keep: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Find the stretches of two or more points in a row, of one line each, that are kept.
+
+    Parameters
+    ----------
+    line : (N,) int, ascending, the line that each point is on
+    keep : (N,) bool
+
+    Returns
+    -------
+    the rows (M,) of the stretches, their offsets (S+1,), the line (S,) that each is of, and whether
+    it is all of that line, (S,) bool
+    """
+    start = runs(keep, line)
+    count = np.diff(start)
+    good = np.flatnonzero(keep[start[:-1]] & (count >= 2))
+    rows, offsets = take_ragged(start, good)
+    of = line[start[good]]
+    return rows, offsets, of, count[good] == np.bincount(line)[of]
+
+
 def stretches(curves: Curves, keep: np.ndarray) -> tuple[Curves, np.ndarray, np.ndarray]:
     """Cut curves down to stretches of two or more points that are kept, (N,) bool.
 
@@ -173,13 +196,7 @@ def stretches(curves: Curves, keep: np.ndarray) -> tuple[Curves, np.ndarray, np.
     -------
     the stretches, the rows (M,) of `curves` that they are made of, and the curve that each is of
     """
-    line = owner(curves.offsets)
-    start = runs(keep, line)
-    count = np.diff(start)
-    good = np.flatnonzero(keep[start[:-1]] & (count >= 2))
-    rows, offsets = take_ragged(start, good)
-    of = line[start[good]]
-    whole = count[good] == np.diff(curves.offsets)[of]
+    rows, offsets, of, whole = kept_stretches(owner(curves.offsets), keep)
     return Curves(curves.xy[rows], offsets, curves.kind[of], curves.closed[of] & whole), rows, of
 
 

@@ -199,7 +199,7 @@ def _whole(drawn: np.ndarray, state: np.ndarray) -> np.ndarray:
     for k in (1, 2):
         near = np.roll(drawn, 1, axis=1) & np.roll(drawn, -k, axis=1)
         for j in range(k):
-            left |= np.roll(near, j, axis=1) & (np.roll(state, 0, axis=1) == SHOWN)
+            left |= np.roll(near, j, axis=1)
     return left & (state == SHOWN)
 
 
