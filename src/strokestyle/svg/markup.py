@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,7 +51,6 @@ def numbers(values: np.ndarray, decimals: int) -> list[str]:
     return [_units_text(value, decimals) for value in values.ravel().tolist()]
 
 
-@functools.lru_cache(maxsize=1 << 17)  # a drawing's steps are alike: most were told before
 def _units_text(value: int, decimals: int) -> str:
     """The text that `number` gives of value 10^-decimals, at half its cost."""
     digits = str(abs(value))
