@@ -19,6 +19,7 @@ ROOT = Path(__file__).parent.parent
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "docs")]
 
 import coarse
+import compare
 import contact_sheet
 import lines
 import mesh_files
@@ -205,3 +206,18 @@ def test_a_process_that_leaves_its_limits_failed(tmp_path):
         [sys.executable, "-c", "x = bytearray(10**9)"], seconds=60, memory=0.5
     )
     assert code == 1 and "MemoryError" in text
+
+
+def test_meshes_that_are_compared_are_closed_and_of_the_size_asked_for(tmp_path):
+    vertices, triangles = compare.blob(5000, 0.0)
+    finer = compare.subdivide(vertices, triangles)
+    assert 4500 < len(triangles) < 5500 and len(finer[1]) == 4 * len(triangles)
+    compare.write_obj(tmp_path / "blob.obj", *finer)
+    assert np.array_equal(compare.read_obj(tmp_path / "blob.obj")[1], finer[1])
+    for points, faces in ((vertices, triangles), finer):
+        corners = points[faces]
+        volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+        assert volume.sum() > 0  # the outside is outside
+        sides = np.concatenate([faces[:, [i, i - 2]] for i in range(3)])
+        one_way = {tuple(side) for side in sides.tolist()}
+        assert len(one_way) == len(sides) and {(b, a) for a, b in one_way} == one_way
