@@ -125,6 +125,15 @@ def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
     Raises OSError where it cannot be written, ValueError where it is an input; either names `path`.
     """
     check_writable(path)
+    with contextlib.suppress(FileNotFoundError):
+        os.lstat(path)  # there are names that no file can have
+    try:
+        with tempfile.TemporaryFile(dir=Path(path).parent):  # more than the rights tell
+            pass
+    except OSError as error:
+        raise OSError(
+            error.errno, f"no file can be made there ({error.strerror})", str(path)
+        ) from None
     for source in inputs:
         if Path(path).exists() and Path(source).exists() and os.path.samefile(path, source):
             raise ValueError(f"{path}: is the input; give the output another name")

@@ -92,6 +92,8 @@ def test_folders_are_mirrored(here):
         (b"a.obj\nb c.obj\n", ["a.obj", "b c.obj"]),
         (b"a.obj\r\n\r\n \t\r\n b .obj \r\n", ["a.obj", " b .obj "]),
         (b"\xef\xbb\xbfa.obj", ["a.obj"]),
+        (b"\xef\xbb\xbfa.obj\0b.obj", ["a.obj", "b.obj"]),
+        ("\ufeffa.obj\r\n\u00e4.obj\r\n".encode("utf-16-le"), ["a.obj", "\u00e4.obj"]),
         (b"a\nb.obj\0\0c.obj", ["a\nb.obj", "c.obj"]),
         (b"\xff.obj\n", [os.fsdecode(b"\xff.obj")]),
         (b"", []),

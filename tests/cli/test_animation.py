@@ -189,14 +189,31 @@ def test_what_cannot_be_written_is_said_before_anything_is_drawn(studio, tmp_pat
     monkeypatch.setenv("PATH", str(tmp_path))
     turn = ("--turntable", "3", "-o", "f/")
     wrong(studio, *turn, "-o", "a.mp4", words=["a.mp4: MP4 needs ffmpeg"], code=1)
-    wrong(studio, *turn, "-o", "a.gif", "--fps", "60", words=["a.gif: a GIF shows at most"], code=1)
+    wrong(studio, *turn, "-o", "a.gif", "--fps", "60", words=["a.gif: a GIF shows at most"])
     wrong(studio, *turn, "-o", "no/a.gif", words=["no/a.gif: there is no folder no"], code=1)
     wrong(studio, *turn, "-o", "a.gif", shape=["ring.obj", "walk/w1.obj"],
           words=["a film is of one shape, not of 2", "--sequence"])  # fmt: skip
+    wrong(studio, *turn, "-o", "n" * 300 + ".gif", words=["name too long"], code=1)
     assert not list(tmp_path.iterdir())
-    draw(
-        studio, *turn, "-o", "a.gif", "--fps", "60", "--on-twos", "--still"
-    )  # 30 drawings a second
+    twos = ("--fps", "60", "--on-twos", "--still")  # 30 drawings a second
+    draw(studio, *turn, "-o", "f/a.gif", *twos)  # into the frames' folder, which is made
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no folder that root cannot write to")
+def test_a_place_that_takes_no_file_is_said_before_anything_is_drawn(tmp_path):
+    for output in ("/proc/a.gif", "/proc/a.svg"):
+        refused("render", tmp_path / "m.pt", tmp_path / "no.obj", "--turntable", "2", "-o", output,
+                words=[f"{output}: no file can be made there"], code=1)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "outputs", [["F-001.png", "F.svg", "--png"], ["f/ring-000.png", "f/", "--png"]]
+)
+def test_a_film_is_not_where_a_preview_goes(studio, tmp_path, monkeypatch, outputs):
+    monkeypatch.chdir(tmp_path)
+    film, frames, png = outputs
+    wrong(studio, "--turntable", "2", "-o", film, "-o", frames, png,
+          words=[f"-o {film} is also where a frame goes"])  # fmt: skip
 
 
 def test_a_video_is_not_transparent_and_that_is_said(studio, tmp_path, monkeypatch, capsys):
@@ -268,8 +285,8 @@ def test_a_sequence_may_turn_or_be_seen_along_a_path(studio, tmp_path):
     assert run(*args, "-o", tmp_path / "p/").exit_code == 0
     assert len(names(tmp_path / "p")) == 3
     refused(*args, studio / "ring.obj", "-o", tmp_path / "q.gif",
-            words=["c.json: has 3 cameras, the sequence 4", "give as many of both"])  # fmt: skip
-    wrong(studio, "--sequence", "--turntable", "4", "-o", tmp_path / "q.gif", shape=few, code=1,
+            words=["c.json: has 3 cameras, the sequence 4", "give as many"], code=2)  # fmt: skip
+    wrong(studio, "--sequence", "--turntable", "4", "-o", tmp_path / "q.gif", shape=few,
           words=["--turntable 4 has 4 frames, the sequence 3"])  # fmt: skip
     path.write_text("[{}]")
     refused(*args, "-o", tmp_path / "q.gif", words=["c.json: camera 0: no eye"])
@@ -278,7 +295,8 @@ def test_a_sequence_may_turn_or_be_seen_along_a_path(studio, tmp_path):
 
 def test_a_path_alone_moves_the_camera(studio, tmp_path):
     camera = fit_camera(np.array([[-1.0, -1, -1], [1, 1, 1]]), width=64, height=48)
-    (tmp_path / "c.json").write_text(json.dumps([camera.turned(a).to_dict() for a in (0, 10)]))
+    text = json.dumps([camera.turned(a).to_dict() for a in (0, 10)])
+    (tmp_path / "c.json").write_text(text, "utf-8-sig")  # as editors on Windows save it
     args = ("render", studio / "m.pt", studio / "ring.obj", "--path", tmp_path / "c.json")
     assert run(*args, "-o", tmp_path / "p.svg", "-o", tmp_path / "p.gif").exit_code == 0
     assert names(tmp_path) == ["c.json", "p-000.svg", "p-001.svg", "p.gif"]
@@ -395,6 +413,6 @@ def test_frames_a_second_of_drawings_are_said_to_be_none(studio, tmp_path):
 def test_a_background_is_a_colour(studio, tmp_path):
     film = tmp_path / "a.gif"
     args = ("--turntable", "1", "-o", film, "--background")
-    wrong(studio, *args, "nonsense", words=["a colour is #rrggbb", "'nonsense'"], code=1)
+    wrong(studio, *args, "nonsense", words=["a colour is #rrggbb", "'nonsense'"])
     assert not film.exists()
     draw(studio, *args, "LightYellow")

@@ -243,7 +243,7 @@ def test_a_preview_and_what_is_left_out(drawn, tmp_path):
         (["in.svg", "-o", "o.svg", "--thickness", "arm=2"], 1, "no such kind of line or part"),
         (["in.svg", "-o", "o.svg", "--drop", "arm"], 1, "no such kind of line or part"),
         (["in.svg", "-o", "o.svg", "--move", "x:0:1,1"], 1, "no stroke 'x'"),
-        (["in.svg", "-o", "o.svg", "--page-size", "A99"], 1, "page size"),
+        (["in.svg", "-o", "o.svg", "--page-size", "A99"], 2, "page size"),
         (["other.svg", "-o", "o.svg"], 1, "no strokes in it that strokestyle wrote"),
         (["other.svg", "-o", "o.svg"], 1, "render --curves"),
     ],

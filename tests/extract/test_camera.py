@@ -81,8 +81,9 @@ def test_a_single_point_still_gives_a_camera():
 def test_file_round_trip(tmp_path):
     camera = Camera([1.0, 2.0, 3.0], [0.1, 0, 0], [0, 0, 1], 33.0, 640, 480)
     path = tmp_path / "camera.json"
-    path.write_text(json.dumps({"camera": camera.to_dict()}))
-    assert Camera.load(path).to_dict() == camera.to_dict()
+    for encoding in ("utf-8", "utf-8-sig", "utf-16"):  # with a mark of the byte order, or without
+        path.write_text(json.dumps({"camera": camera.to_dict()}), encoding)
+        assert Camera.load(path).to_dict() == camera.to_dict()
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ is no line, and goes when the next run opens the journal.
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import os
 from collections.abc import Callable, Iterator
@@ -97,7 +98,7 @@ def _parse_journal(data: bytes, folder: str) -> list[Outcome]:
 def parse_lines(data: bytes, folder: str) -> list[Outcome]:
     """Parse a journal's text; of two lines of one output the later holds."""
     last: dict[str, Outcome] = {}
-    for line in data.split(b"\n"):
+    for line in data.removeprefix(codecs.BOM_UTF8).split(b"\n"):  # of an editor's
         with contextlib.suppress(ValueError):
             outcome = Outcome.from_json(line, folder)
             last.pop(outcome.output, None)

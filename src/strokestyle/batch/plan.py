@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -94,12 +95,16 @@ def is_folder(output: str) -> bool:
 def split_list(data: bytes) -> list[str]:
     """Split a list of files as `ls` or `find` print it: a line each, or with NULs in between.
 
-    Blank lines are passed over; a name keeps its blanks.
+    Blank lines are passed over; a name keeps its blanks. A mark of the byte order is no part of a
+    name, and one of UTF-16, as Windows PowerShell writes lists, tells how the list is read.
     """
+    data = data.removeprefix(codecs.BOM_UTF8)
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        data = os.fsencode(data.decode("utf-16", "replace"))
     if b"\0" in data:
         names = data.split(b"\0")
     else:
-        lines = data.removeprefix(b"\xef\xbb\xbf").split(b"\n")
+        lines = data.split(b"\n")
         names = [line.removesuffix(b"\r") for line in lines]
     return [os.fsdecode(name) for name in names if name.strip()]
 

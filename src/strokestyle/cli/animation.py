@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 FILMS = (".html", ".gif", ".apng", ".png", ".webp", ".mp4", ".webm")
 DEFAULT_RATE = 12.0  # frames a second
 BOIL_ON_TWOS = 0.5
+SLOWED = 100  # pictures a second from which browsers show images of several more slowly
 NOTHING = "none"  # as a background: transparent
 
 animation_options = OptionGroup(
@@ -256,21 +257,60 @@ def plan_animation(
             f"{films[0]}: a film is of one shape, not of {len(found)}; frames of one mesh "
             "that deforms are a --sequence"
         )
-    _check_films(films, options, [*found, *filter(None, [options.get("cameras")])])
+    frame_count(options, sequence)
+    inputs = [*found, *filter(None, [options.get("cameras")])]
+    _check_films(films, options)
+    for film in films:
+        if output is None or film.parent.resolve() != Path(output).resolve():
+            check_output(film, inputs)
     if not films and options.get("fps"):
         say("--fps is of films, and none is written: SVGs have no time")
     if output is None:
         return Plan([Job(name, str(films[0]))], sequence)
     if sequence and mirror:
         raise click.UsageError("--mirror is for drawings of several shapes, not for a --sequence")
+    shown = [str(Path(name).with_name(common_name(sequence)))] if sequence else shapes
     try:
-        if not sequence:
-            return Plan(plan_outputs(shapes, output, mirror), sequence)
-        job = plan_outputs([str(Path(name).with_name(common_name(sequence)))], output)[0]
+        jobs = plan_outputs(shown, output, mirror)
     except UnclearOutput as error:
         raise click.UsageError(str(error)) from None
-    check_output(job.output, found)
-    return Plan([Job(name, job.output)], sequence)
+    for place in map(str, (*films, jobs[0].output)):  # the folder is made now
+        check_output(place, inputs)
+    return Plan([Job(name, jobs[0].output)] if sequence else jobs, sequence)
+
+
+def frame_count(options: Mapping[str, Any], sequence: Sequence[str]) -> int:
+    """How many frames an animation has; a usage error where what moves has several numbers of them.
+
+    Raises ValueError or OSError where the cameras cannot be read.
+    """
+    from ..motion.shots import load_cameras
+
+    count, path = options.get("turntable"), options.get("cameras")
+    what = f"--turntable {count} has {count} frames"
+    if path:
+        count = len(load_cameras(path))
+        what = f"{path}: has {count} cameras"
+    if count and sequence and len(sequence) != count:
+        raise click.UsageError(
+            f"{what}, the sequence {len(sequence)} ({sequence[0]} ...): give as many of both"
+        )
+    return count or len(sequence)
+
+
+def refuse_one_place(jobs: Sequence[Job], films: Sequence[Path], preview: bool, count: int) -> None:
+    """Raise a usage error where a film would be written to the file of a frame, or its preview."""
+    from ..batch.plan import numbered_output
+
+    places = {film.resolve(): film for film in films}
+    for job in jobs if films else ():
+        for frame in range(count):
+            output = Path(numbered_output(job.output, frame, count))
+            for file in (output, output.with_suffix(".png")) if preview else (output,):
+                if film := places.get(file.resolve()):
+                    raise click.UsageError(
+                        f"-o {film} is also where a frame goes: give the film another name"
+                    )
 
 
 class Plan(NamedTuple):
@@ -280,17 +320,23 @@ class Plan(NamedTuple):
     sequence: tuple[str, ...]
 
 
-def _check_films(films: Sequence[Path], options: Mapping[str, Any], inputs: Sequence[str]) -> None:
-    """Say before any work what film cannot be written."""
-    from ..files import check_output
-    from ..film.films import check_film
-    from ..film.timing import rate_of
+def _check_films(films: Sequence[Path], options: Mapping[str, Any]) -> None:
+    """Say before any work what film cannot be written, wherever it is."""
+    from ..film.films import PAGE, check_film
+    from ..film.timing import NoSuchRate, rate_of
     from ..film.video import CODECS
 
     rate = rate_of(options.get("fps") or DEFAULT_RATE)
     for film in films:
-        check_output(film, inputs)
-        check_film(film, rate / (2 if options.get("on_twos") else 1))
+        pictures = rate / (2 if options.get("on_twos") else 1)
+        try:
+            check_film(film, pictures)
+        except NoSuchRate as error:
+            raise click.UsageError(str(error)) from None
+        if pictures >= SLOWED and film.suffix.lower() not in (*CODECS, PAGE):
+            say(
+                f"{film}: browsers show pictures of 1/100 s or less for 1/10 s: .mp4 is shown right"
+            )
         if options.get("background") == NOTHING and film.suffix.lower() in CODECS:
             say(f"{film}: a video has no transparency: its background is white")
 
@@ -368,10 +414,6 @@ class Moving:
 
         count, path = self.options.get("turntable"), self.options.get("cameras")
         cameras = load_cameras(path) if path else []
-        if path:
-            self._check_count(len(cameras), f"{path}: has {len(cameras)} cameras")
-        if count:
-            self._check_count(count, f"--turntable {count} has {count} frames")
         surfaces: Any = self.surfaces if self.animation.sequence else self.surfaces[0]
         if path:
             return path_shots(surfaces, cameras)
@@ -399,13 +441,6 @@ class Moving:
         from ..extract.camera import up_axis
 
         return None if self.options.get("camera") else up_axis(self.options.get("up") or "y")
-
-    def _check_count(self, count: int, what: str) -> None:
-        frames = self.animation.sequence
-        if frames and len(frames) != count:
-            raise ValueError(
-                f"{what}, the sequence {len(frames)} ({frames[0]} ...): give as many of both"
-            )
 
 
 # --------------------------------------------------------------------------------- how it is drawn
@@ -618,7 +653,8 @@ class Written:
                 if film in self.pages:
                     self.pages[film].write(film)
                 elif self.pictures is not None:
-                    write_film(film, self.pictures, animation.rate, animation.transparent)
+                    with told_warnings():
+                        write_film(film, self.pictures, animation.rate, animation.transparent)
             self.files.append(str(film))
 
     def told(self) -> str:

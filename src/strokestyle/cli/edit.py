@@ -11,7 +11,7 @@ import click
 
 from .drawing import read_drawing
 from .messages import say, timed
-from .options import TEXTURES, common_options, file_options, seed_option
+from .options import TEXTURES, check_look, common_options, file_options, seed_option
 from .outputs import STANDARD_OUTPUT, check_outputs, write_preview, write_svg_text
 
 if TYPE_CHECKING:
@@ -160,6 +160,12 @@ def edit(
         raise click.UsageError(f"{output}: edit writes .svg or .svgz")
     if png and output == STANDARD_OUTPUT:
         raise click.UsageError("standard output takes one SVG: no --png with -o -")
+    look = file_options.given(options)
+    if texture is None and look.get("inkscape_lpe"):
+        texture = "none"
+    if texture is not None:
+        look["texture"] = texture
+    check_look(look)
     check_outputs([output], [drawing] if drawing != "-" else [])
     from ..svg.write import write_svg
     from .edit_text import NamedDrawing
@@ -167,11 +173,6 @@ def edit(
     with timed("read the drawing"):
         found = read_drawing(drawing)
     edited = make_edits(edits, NamedDrawing(found.drawing, found.ids), seed)
-    look = file_options.given(options)
-    if texture is None and look.get("inkscape_lpe"):
-        texture = "none"
-    if texture is not None:
-        look["texture"] = texture
     with timed("write the SVG"):
         text = write_svg(edited.drawing, found.options, ids=edited.ids, kept=found.kept, **look)
     write_svg_text(output, text)

@@ -422,6 +422,17 @@ batch_options = OptionGroup(
     json_option,
 )
 
+
+def check_look(look: Mapping[str, Any]) -> None:
+    """Raise a usage error where values of `file_options`, or a texture, make no SVG."""
+    from ..svg.format import SvgOptions
+
+    try:
+        SvgOptions(**look)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from None
+
+
 # How an SVG is written: fields of SvgOptions, under their names.
 file_options = OptionGroup(
     click.option(

@@ -19,8 +19,10 @@ from .animation import (
     Animation,
     animation_options,
     draw_animation,
+    frame_count,
     is_animation,
     plan_animation,
+    refuse_one_place,
     sorted_outputs,
     warn_of_all_lines,
     warn_of_kinds,
@@ -33,6 +35,7 @@ from .options import (
     TEXTURES,
     Number,
     batch_options,
+    check_look,
     common_options,
     curve_options,
     device_option,
@@ -186,10 +189,12 @@ def render(
             say("--stages: each frame is drawn on its own, as with --still")
     if look.get("background") == NOTHING and not (animated and not stages):
         del look["background"]
+    check_look({k: v for k, v in look.items() if (k, v) != ("background", NOTHING)})
     listed, animation = read_list(shapes), None
     target = output or (str(films[0]) if films else os.path.join(str(stages), ""))
     if animated and not stages:
         batch, sequence = plan_animation(listed, output, films, mirror, options)
+        refuse_one_place(batch, films, png, frame_count(options, sequence))
         written = output is not None, films
         animation = Animation(model, options, *written, look, seed, png, png_scale, sequence)
     else:

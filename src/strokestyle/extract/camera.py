@@ -278,8 +278,8 @@ class Camera:
         """Read a camera.json, or a .json written by `strokestyle extract` (its "camera" entry)."""
         path = Path(path)
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-        except (UnicodeDecodeError, json.JSONDecodeError) as error:
+            data = json.loads(path.read_bytes())  # by its first bytes: in UTF-8, -16 or -32
+        except (ValueError, RecursionError) as error:
             raise ValueError(f"{path}: not a camera file (JSON expected: {error})") from None
         if isinstance(data, dict) and isinstance(data.get("camera"), dict):
             data = data["camera"]

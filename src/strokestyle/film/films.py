@@ -10,7 +10,7 @@ from . import gif
 from .apng import write_apng
 from .gif import write_gif
 from .pictures import Pictures
-from .timing import rate_of
+from .timing import NoSuchRate, rate_of
 from .video import CODECS, check_encoder, write_video
 from .webp import write_webp
 
@@ -20,7 +20,10 @@ FILM_SUFFIXES = (PAGE, *WRITERS, *CODECS)
 
 
 def check_film(path: str | Path, rate: Fraction) -> None:
-    """Raise ValueError, naming `path`, where such a film cannot be written: before long work."""
+    """Raise ValueError, naming `path`, where such a film cannot be written: before long work.
+
+    It is a NoSuchRate where another rate would do.
+    """
     suffix = Path(path).suffix.lower()
     try:
         if suffix in CODECS:
@@ -29,6 +32,8 @@ def check_film(path: str | Path, rate: Fraction) -> None:
             gif.check_rate(rate)
         elif suffix not in FILM_SUFFIXES:
             raise ValueError(f"a film is {', '.join(FILM_SUFFIXES)}")
+    except NoSuchRate as error:
+        raise NoSuchRate(f"{path}: {error}") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

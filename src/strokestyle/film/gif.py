@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -14,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from .changes import changed_box
 from .pictures import Pictures
-from .timing import durations
+from .timing import NoSuchRate, durations
 
 UNIT = 100  # GIF tells times in 1/100 s
 SHORTEST = 2  # of them: players show what is shorter for 10
@@ -26,9 +27,9 @@ KEEP, CLEAR = 1, 2  # what is done with a picture before the next
 
 
 def check_rate(rate: Fraction) -> None:
-    """Raise ValueError where GIF cannot show so many frames a second."""
+    """Raise NoSuchRate where GIF cannot show so many frames a second."""
     if rate > FASTEST:
-        raise ValueError(
+        raise NoSuchRate(
             f"a GIF shows at most {FASTEST} frames a second, not {float(rate):g}: WebP, APNG and "
             "MP4 show more"
         )
@@ -48,12 +49,14 @@ def write_gif(path: str, pictures: Pictures, rate: Fraction, transparent: bool =
 
     Raises
     ------
-    ValueError
-        where there are too many a second.
+    NoSuchRate
+        where there are too many a second; where only the last picture is shown too shortly, it is
+        shown for longer, with a UserWarning.
     """
     check_rate(rate / pictures.held[0])  # the last one may be held for less than the others
     palette = Palette.of(pictures, transparent)
-    times = [max(SHORTEST, time) for time in durations(pictures.held, rate, UNIT)]
+    times = durations(pictures.held, rate, UNIT, SHORTEST)
+    _warn_of_more(sum(times), float(sum(pictures.held) * UNIT / rate))
     with open(path, "wb") as file:
         file.write(_head(pictures.size, palette.colours))
         for part, time in zip(_parts(pictures, palette, transparent), times, strict=True):
@@ -62,6 +65,16 @@ def write_gif(path: str, pictures: Pictures, rate: Fraction, transparent: bool =
             data = GifImagePlugin.getdata(image, part.corner, interlace=0)
             file.write(b"".join(data))
         file.write(b";")
+
+
+def _warn_of_more(time: int, meant: float) -> None:
+    """Say where a GIF lasts longer than it was meant to, 1/100 s: pictures are too short for it."""
+    if time > meant + 0.5001:
+        warnings.warn(
+            f"a GIF shows no picture for less than {SHORTEST}/{UNIT} s: the last is shown longer, "
+            f"and all last {time / UNIT:g} s, not {meant / UNIT:g}",
+            stacklevel=2,
+        )
 
 
 @dataclass(frozen=True)

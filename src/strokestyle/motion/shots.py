@@ -96,8 +96,8 @@ def load_cameras(path: str | Path) -> list[Camera]:
         camera is malformed or of another size than the first.
     """
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        data = json.loads(Path(path).read_bytes())  # by its first bytes: in UTF-8, -16 or -32
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: not a list of cameras (JSON expected: {error})") from None
     if isinstance(data, dict) and isinstance(data.get("cameras"), list):
         data = data["cameras"]
