@@ -175,6 +175,13 @@ def test_a_save_loses_no_stroke_and_no_width(encoding, program):
         assert theirs.options.author == "Ann" and theirs.options.license == "CC-BY-4.0"
 
 
+@pytest.mark.parametrize("encoding", ("none", "vector", "image"))
+@pytest.mark.parametrize("after", ("", "-moved"))
+def test_a_minifier_makes_no_number_longer(encoding, after):
+    size = [(GOLDEN / f"{encoding}{after}{suffix}.svg").stat().st_size for suffix in ("", "-svgo")]
+    assert size[1] <= size[0]
+
+
 def same_as(got, want):
     assert len(got.strokes) == len(want.strokes) and got.size == want.size
     assert got.strokes.xy == pytest.approx(want.strokes.xy, abs=0.002)

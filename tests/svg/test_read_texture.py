@@ -241,7 +241,7 @@ def test_the_look_that_a_hand_gave_a_stroke_is_read():
     without = read_svg(text.replace(paths[2], "")).texture.rgba  # the darkest tone deleted
     assert read_svg(text).texture.rgba[..., 3].max() > without[..., 3].max() > 0
     red = read_svg(
-        text.replace(paths[0], paths[0].replace("<path", '<path style="fill:#ff0000"'))
+        text.replace(paths[0], paths[0].replace('style="', 'style="fill:#ff0000;'))
     ).texture.rgba
     assert (red[..., 0] > 200).any() and not (read_svg(text).texture.rgba[..., 0] > 200).any()
     drawn = text.replace(

@@ -20,6 +20,7 @@ from strokestyle.render.curve_file import load_curves
 from strokestyle.svg import markup
 from strokestyle.svg.format import SvgOptions
 from strokestyle.svg.markup import polyline_path, printable, rings_path
+from strokestyle.svg.read import read_svg
 from strokestyle.svg.write import plain_svg, resolve_texture, save_svg, write_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -151,9 +152,11 @@ def test_tones_are_nested_in_one_group_and_have_their_own_opacity():
     root = ET.fromstring(write_svg(drawing(texture="grain"), tones=2))
     strokes = [g for g in root.iter(f"{SVG}g") if g.get("class") == "stroke"]
     assert len(strokes) == 12
-    for stroke in strokes:
-        assert {child.tag for child in stroke} == {f"{SVG}path"} and 1 <= len(stroke) <= 2
-        assert all(0 < float(child.get("fill-opacity")) <= 1 for child in stroke)
+    for kind, *tones in strokes:
+        assert kind.tag == f"{SVG}desc" and kind.text in KINDS
+        assert {child.tag for child in tones} == {f"{SVG}path"} and 1 <= len(tones) <= 2
+        for child in tones:
+            assert 0 < float(child.get("style").removeprefix("fill-opacity:")) <= 1
     inked = replace(drawing(texture="grain"), color=np.tile([0.1, 0.1, 0.3, 0.5], (12, 1)))
     for stroke in (
         g for g in ET.fromstring(write_svg(inked)).iter(f"{SVG}g") if g.get("class") == "stroke"
@@ -161,6 +164,15 @@ def test_tones_are_nested_in_one_group_and_have_their_own_opacity():
         assert stroke.get("fill") == "#1a1a4c" and all(
             child.get("fill") is None for child in stroke
         )
+
+
+@pytest.mark.parametrize("texture", ["none", "vector", "image"])
+def test_nothing_above_a_path_or_an_image_makes_it_fainter(texture):
+    faint = replace(drawing(texture="grain"), color=np.tile([0.1, 0.1, 0.3, 0.5], (12, 1)))
+    text = write_svg(faint, texture=texture, title="a", author="b", background="ivory")
+    for group in ET.fromstring(text).iter(f"{SVG}g"):  # Scribus applies it to images in the group
+        assert not {"opacity", "fill-opacity", "stroke-opacity", "style"} & group.attrib.keys()
+    assert read_svg(text).color == pytest.approx(faint.color, abs=0.005)
 
 
 def test_fewer_decimals_and_looser_outlines_make_smaller_files():

@@ -9,11 +9,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Element:
-    """An element of an SVG document: its tag, its attributes, and the elements in it."""
+    """An element of an SVG document: its tag and attributes, and the elements or text in it."""
 
     tag: str
     attributes: dict[str, str]
     children: tuple[Element, ...] = ()
+    text: str = ""
 
 
 def printable(text: str) -> str:

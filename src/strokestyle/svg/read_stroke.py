@@ -53,13 +53,13 @@ ORIGINAL_PATH = INKSCAPE_NAMESPACE + "}original-d"
 _VALUE = r'="[^"<&]*"'
 _PAIR = re.compile(r" ([a-z:-]+)=\"([^\"<&]*)\"", re.IGNORECASE)
 _CHILD = (
-    rf"<(path)((?: (?:d|fill|fill-opacity|transform){_VALUE})+) ?/>"
+    rf'<(path)((?: (?:d|fill|fill-opacity|transform){_VALUE}| style="fill-opacity:[0-9.]+")+) ?/>'
     rf"|<(image)((?: (?:x|y|width|height|preserveAspectRatio|xlink:href){_VALUE})+) ?/>"
 )
 _CHILDREN = re.compile(_CHILD)
 _STROKE = re.compile(
     rf'<(path|g)((?: {Data.PART}="[^"<]*"| [a-z:-]+{_VALUE})*)'
-    rf"(?: ?/>|>((?:\s*(?:{_CHILD}))*)\s*</\1>)"
+    rf"(?: ?/>|>(?:\s*<desc>[^<&]*</desc>)?((?:\s*(?:{_CHILD}))*)\s*</\1>)"
 )
 _IMAGE = re.compile(r"data:image/png;base64,[\w+/=]*")
 _KEPT_NAMES = {

@@ -52,7 +52,7 @@ class PathEffect(BaseElement):
     elementname = "inkscape:path-effect"
 
 
-TAGS = ("g", "path", "image")
+TAGS = ("g", "path", "image", "desc")
 
 
 class _Ready:
@@ -71,6 +71,7 @@ def _tree(element: Element) -> ElementTree.Element:
         raise ValueError(f"documents of ours have no <{element.tag}>")
     given = {name: value for name, value in sorted(element.attributes.items()) if value}
     made = ElementTree.Element(element.tag, given)
+    made.text = element.text or None
     made.extend(map(_tree, element.children))
     return made
 

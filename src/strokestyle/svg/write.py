@@ -175,9 +175,13 @@ def _item(drawing: Drawing, i: int, name: str, stroke: DrawnStroke) -> LayerItem
         given[Data.TRACK] = track
     if stroke.offset_points:
         given["inkscape:path-effect"] = f"#{EFFECT}{name}"
-    return LayerItem(
-        replace(stroke.element, attributes=given), KINDS[drawing.strokes.kind[i]], part
-    )
+    kind = KINDS[drawing.strokes.kind[i]]
+    inside = stroke.element.children
+    if any(shape.tag == "path" for shape in inside):
+        # a stroke that was scaled keeps its transform: where there are but paths, svgo works it
+        # into theirs, and rounds the product to as many decimals as it had (1.5 x .15 is .2)
+        inside = (Element("desc", {}, text=kind), *inside)
+    return LayerItem(replace(stroke.element, attributes=given, children=inside), kind, part)
 
 
 def resolve_texture(drawing: Drawing, options: SvgOptions, ink: Inks | None = None) -> SvgOptions:
@@ -236,8 +240,8 @@ def _drawn(
     knots = _knots(drawing.strokes)
     for i, stroke in zip(index.tolist(), strokes, strict=True):
         data = _data(drawing, i, options.decimals, knots)
-        if options.texture == "vector" and "fill-opacity" in data:
-            # tones have their own: scour would drop the group's
+        if texture is not None and "fill-opacity" in data:
+            # what is inside has its own: scour would drop the group's, Scribus fades images by it
             data[Data.OPACITY] = data.pop("fill-opacity")
         if texture is not None:
             data[Data.MARGIN] = number(texture.margin[i], MARGIN_DECIMALS)
@@ -383,13 +387,14 @@ def _tone_paths(shapes: list[ToneShape], ink: np.ndarray) -> tuple[Element, ...]
 
     So programs see the stroke's fill in use.
     """
-    unit = f"scale({number(TONE_UNIT, 4)})"
+    unit = f"scale({number(TONE_UNIT, 4)})"  # svgo works it into the numbers where no style is
     stray = [float(np.abs(shape.color - ink).max()) for shape in shapes]
     paths = []
     for shape, off in zip(shapes, stray, strict=True):
         same = off < SAME_INK or off == min(stray) < NEAR_INK
         fill = {} if same else {"fill": hex_color(shape.color)}
-        fill |= {"fill-opacity": number(shape.opacity, 2), "transform": unit, "d": shape.d}
+        opacity = f"fill-opacity:{number(shape.opacity, 2)}"
+        fill |= {"style": opacity, "transform": unit, "d": shape.d}
         paths.append(Element("path", fill))
     return tuple(paths)
 

@@ -6,7 +6,7 @@ const { IMAGE_LEVELS_GRAIN, IMAGE_LEVELS_SOFT, IMAGE_COLORS } = CONSTANTS.format
 const { STRIP_LEVELS, STRIP_LEVELS_FEW, STRIP_COLORS } = CONSTANTS.format;
 const { GRAIN } = CONSTANTS.ink;
 const XLINK = "http://www.w3.org/1999/xlink";
-const SLEEPING = " data-sleeping-style=";
+const SLEEPING = "data-sleeping-style"; // what `style` is called until a file is written
 const SVG = "http://www.w3.org/2000/svg";
 
 /**
@@ -17,7 +17,7 @@ async function readDrawing(text) {
   // a style attribute would be applied even here, and the page's policy would refuse it: it sleeps
   // until it is written
   const xml = new DOMParser().parseFromString(
-    text.replaceAll(" style=", SLEEPING),
+    text.replaceAll(" style=", ` ${SLEEPING}=`),
     "image/svg+xml",
   );
   const root = xml.documentElement;
@@ -216,7 +216,7 @@ async function writeDrawing(drawing, marks) {
   }
   const written = new XMLSerializer()
     .serializeToString(xml.documentElement)
-    .replaceAll(SLEEPING, " style=");
+    .replaceAll(` ${SLEEPING}=`, " style=");
   return `<?xml version="1.0" encoding="utf-8"?>\n${written}\n`;
 }
 

@@ -273,14 +273,14 @@ function simplifyRings(rings, slack) {
 
 /** A stroke's tones, as `tonesOf` made them, in place of those that were there. */
 function writeTones(element, tones) {
-  element.replaceChildren();
+  element.replaceChildren(...element.querySelectorAll("desc"));
   for (const { color, opacity, rings } of tones) {
     const d = rings.map(splineText).join("");
     if (!d) continue;
     const path = element.ownerDocument.createElementNS(SVG, "path");
     const hex = color.map((byte) => byte.toString(16).padStart(2, "0")).join("");
     path.setAttribute("fill", `#${hex}`);
-    path.setAttribute("fill-opacity", numberText(opacity, 2));
+    path.setAttribute(SLEEPING, `fill-opacity:${numberText(opacity, 2)}`);
     path.setAttribute("transform", `scale(${numberText(TONE_UNIT, 4)})`);
     path.setAttribute("d", d);
     element.append("\n", path);
