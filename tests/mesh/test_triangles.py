@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 import shapes
 
-from strokestyle.mesh.triangles import Edges, all_corners, any_corner
+from strokestyle.mesh.triangles import (
+    Edges,
+    FaceShapes,
+    all_corners,
+    any_corner,
+    column_cross,
+    column_dot,
+    columns,
+    dots_at,
+    row_dot,
+)
 
 
 def soup(seed):
@@ -42,6 +52,8 @@ def test_every_side_finds_its_edge_and_back(faces, count):
             side // 3 if side >= 0 else -1 for side in edges.sides[e]
         ]
         assert all(edges.of_side.ravel()[side] == e for side in found)
+        beyond = [edges.beyond.ravel()[side] for side in found]
+        assert beyond == (found[::-1] if len(found) == 2 else [-1] * len(found))
 
 
 @pytest.mark.parametrize("faces, count", MESHES)
@@ -85,3 +97,21 @@ def test_corners():
     edges = Edges.of(MESHES[0][0], 96)
     flag = rng.random(len(edges)) < 0.2
     assert np.array_equal(edges.at_face(flag), flag[edges.of_side].any(axis=1))
+
+
+def test_columns_are_multiplied_as_rows_are():
+    """To the last digit: numpy sums the products of rows of three in an order of its own."""
+    rng = np.random.default_rng(5)
+    u, v = rng.normal(size=(2, 1000, 3))
+    assert np.array_equal(column_dot(columns(u), columns(v)), row_dot(u, v))
+    assert np.array_equal(column_cross(columns(u), columns(v)).T, np.cross(u, v))
+    one, two = rng.integers(0, 1000, (2, 50))
+    assert np.array_equal(dots_at(columns(u), one, two), row_dot(u[one], u[two]))
+
+
+def test_shapes_of_faces():
+    points = np.array([[0, 0, 0], [4, 0, 0], [0, 3, 0], [8, 0, 0.0]])
+    shape = FaceShapes.of(points, np.array([[0, 1, 2], [0, 1, 3]]))
+    assert shape.cross.T.tolist() == [[0, 0, 12], [0, 0, 0]] and shape.size.tolist() == [12, 0]
+    assert shape.square[:, 0].tolist() == [25, 9, 16]  # opposite the corners
+    assert shape.longest.tolist() == [25, 64] and shape.has_area.tolist() == [True, False]

@@ -16,7 +16,6 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import KINDS
-from ..mesh.creases import creases
 from ..mesh.surface import Surface
 from ..mesh.triangles import all_corners, any_corner, row_dot
 from .intersections import TOUCH, crossings
@@ -742,9 +741,7 @@ def crease_edges(surface: Surface, angle: float) -> np.ndarray:
 
     Returns their indices, ascending.
     """
-    sharp = creases(
-        surface.vertices, surface.connectivity.edges, surface.edge_bends, np.radians(angle)
-    )
+    sharp = surface.connectivity.creases(angle)
     return np.flatnonzero(sharp | (surface.edge_face_count > 2))
 
 

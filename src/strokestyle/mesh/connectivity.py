@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from .triangles import Edges, bends, clashes, face_normals, polygon_normals, row_dot
+from .creases import creases
+from .triangles import Edges, FaceShapes, bends, clashes, face_normals, polygon_normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class Connectivity:
     weld: np.ndarray
     known_edges: Edges | None = None
     polygon: np.ndarray | None = None
+    known_creases: dict[float, np.ndarray] = field(default_factory=dict)
 
     def is_of(self, vertices: np.ndarray, faces: np.ndarray, weld: np.ndarray) -> bool:
         """Tell whether it is of these very arrays."""
@@ -43,6 +45,19 @@ class Connectivity:
         if self.known_edges is not None:
             return self.known_edges
         return Edges.of(self.weld[self.faces], len(self.vertices))
+
+    def split(self, faces: np.ndarray, weld: np.ndarray) -> Connectivity:
+        """Make that of the same faces, vertices repeated along some edges: `weld` as a surface's.
+
+        Vertices had none of their place before. What depends on places alone stays known.
+        """
+        after = replace(
+            self, vertices=self.vertices[weld], faces=faces, weld=weld, known_edges=self.edges
+        )
+        for name in ("clashing_edges", "normals", "bends"):
+            if name in self.__dict__:
+                after.__dict__[name] = self.__dict__[name]
+        return after
 
     @property
     def is_uncut(self) -> bool:
@@ -76,21 +91,38 @@ class Connectivity:
         return clashes(self.weld[self.faces], self.edges)
 
     @cached_property
+    def normals(self) -> tuple[np.ndarray, np.ndarray]:
+        """(3, F), unit: of the faces, and of the polygons that they were cut from."""
+        shape = FaceShapes.of(self.vertices, self.faces)
+        normal = face_normals(shape, self.edges)
+        if self.polygon is None:
+            return normal, normal
+        return normal, polygon_normals(shape, normal, self.polygon)
+
+    @cached_property
     def face_normals(self) -> np.ndarray:
-        return face_normals(self.vertices, self.faces, self.edges)
+        return np.ascontiguousarray(self.normals[0].T)
 
     @cached_property
     def bends(self) -> np.ndarray:
-        normal = self.face_normals
-        if self.polygon is not None:
-            normal = polygon_normals(self.vertices, self.faces, normal, self.polygon)
-        return bends(normal, self.edges, self.clashing_edges, self.polygon)
+        return bends(self.normals[1], self.edges, self.clashing_edges, self.polygon)
+
+    def creases(self, angle: float) -> np.ndarray:
+        """Find the creases of more than `angle` degrees, (E,) bool: see `creases.creases`."""
+        if angle not in self.known_creases:
+            found = creases(self.vertices, self.edges, self.bends, np.radians(angle))
+            self.known_creases[angle] = found
+        return self.known_creases[angle]
 
     @cached_property
     def mean_edge(self) -> float:
-        a, b = self.edges.ends.T
-        along = self.vertices[a] - self.vertices[b]
-        return float(np.sqrt(row_dot(along, along)).mean())
+        total, (a, b) = np.zeros(len(self.edges)), self.edges.ends.T
+        for axis in (0, 2, 1):  # in the order of row_dot
+            along = self.vertices[:, axis].take(a)
+            along -= self.vertices[:, axis].take(b)
+            along *= along
+            total += along
+        return float(np.sqrt(total, out=total).mean())
 
     @cached_property
     def component(self) -> np.ndarray:

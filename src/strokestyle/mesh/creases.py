@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import runs
-from .triangles import Edges, row_dot
+from .triangles import Edges, columns, row_dot
 
 # So far must a crease reach whose sides bend ROUND times as much beside it: of the longest side of
 # its body, or, where that is less, in edges as long as the longest of its faces.
@@ -69,25 +69,36 @@ def _far(points: np.ndarray, edges: Edges, edge: np.ndarray, folded: np.ndarray)
 
     Where `folded` (M,) it is LONG in any case.
     """
-    face = edges.faces[edge, 0]
-    ends = points[edges.ends]
-    span = np.sqrt(row_dot(ends[:, 1] - ends[:, 0], ends[:, 1] - ends[:, 0]))
     longest = np.zeros(len(edge))
     for other in edges.faces[edge].T:  # -1 is a boundary's, at which nothing bends
-        longest = np.maximum(longest, span[edges.of_side[other]].max(axis=1))
-    body = LONG * _body_sizes(ends, edges)[edges.component[face]]
-    return np.where(folded, body, np.minimum(body, LONG_EDGES * longest))
+        ends = points[edges.ends[edges.of_side[other]]]  # (M, 3, 2, 3)
+        along = ends[:, :, 1] - ends[:, :, 0]
+        longest = np.maximum(longest, np.sqrt(row_dot(along, along)).max(axis=1))
+    body = edges.component[edges.faces[edge, 0]]
+    size = LONG * _body_sizes(points, edges, np.unique(body))[body]
+    return np.where(folded, size, np.minimum(size, LONG_EDGES * longest))
 
 
-def _body_sizes(ends: np.ndarray, edges: Edges) -> np.ndarray:
-    """Measure the longest side of each connected component, (C,), from its edges (E, 2, 3)."""
-    low, high = ends.min(axis=1), ends.max(axis=1)
+def _body_sizes(points: np.ndarray, edges: Edges, some: np.ndarray) -> np.ndarray:
+    """Measure the longest side of `some` (n,) of C connected components; of the others 0, (C,)."""
+    size = np.zeros(edges.component.max() + 1)
+    wanted = np.zeros(len(size), bool)
+    wanted[some] = True
     body = edges.component[edges.faces[:, 0]]
-    order = np.argsort(body, kind="stable")
-    start = runs(body[order])[:-1]
-    low = np.minimum.reduceat(low[order], start)
-    high = np.maximum.reduceat(high[order], start)
-    return (high - low).max(axis=1)
+    ends = edges.ends.T
+    if not wanted.all():
+        among = np.flatnonzero(wanted[body])
+        body, ends = body[among], ends[:, among]
+    if len(some) > 1:
+        order = np.argsort(body, kind="stable")
+        body, ends = body[order], ends[:, order]
+    start = runs(body)[:-1]
+    for axis in columns(points):
+        one, two = axis.take(ends)
+        extent = np.maximum.reduceat(np.maximum(one, two), start)
+        extent -= np.minimum.reduceat(np.minimum(one, two), start)
+        size[some] = np.maximum(size[some], extent)
+    return size
 
 
 def chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
@@ -11,11 +10,22 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from .triangles import TINY, Edges, row_dot, scatter_sum, side_vectors, unit_rows
+from .triangles import (
+    TINY,
+    Edges,
+    any_corner,
+    blocks,
+    column_cross,
+    column_dot,
+    columns,
+    row_dot,
+    scatter_sum,
+    side_vectors,
+    unit_rows,
+)
 
 Blur = Callable[[np.ndarray], np.ndarray]
 
-BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
 MIN_SORTED = 8  # steps of smoothing, from which on it pays to put vertices in order
 HUB = 64  # faces round a vertex, more than which are a fan rather than a surface round a point
 RING_PAIRS = 1 << 20  # pairs of a vertex and a face near it that are looked at in one go
@@ -27,28 +37,22 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
     They are weighted as in Max 1999, which is exact for points on a sphere.
     """
-    side = side_vectors(vertices, faces)
-    cross = np.cross(side[0], side[1])
-    square = [np.maximum(row_dot(s, s), TINY) for s in side]
-    weight = np.stack(
-        [
-            1.0 / (square[1] * square[2]),
-            1.0 / (square[2] * square[0]),
-            1.0 / (square[0] * square[1]),
-        ],
-        1,
-    )
+    points, parts = columns(vertices), np.empty((3, *faces.shape))
+    for block in blocks(len(faces)):
+        side = side_vectors(points, faces[block])
+        cross = column_cross(side[0], side[1])
+        square = [np.maximum(column_dot(s, s), TINY) for s in side]
+        for i in range(3):
+            parts[:, block, i] = 1.0 / (square[i - 2] * square[i - 1]) * cross
     index = faces.ravel()
-    total = [
-        scatter_sum(index, (weight * cross[:, i, None]).ravel(), len(vertices)) for i in range(3)
-    ]
-    normals = np.stack(total, axis=1)
+    normals = np.stack([scatter_sum(index, part.ravel(), len(vertices)) for part in parts], axis=1)
     length = np.sqrt(row_dot(normals, normals))
-    lost = ~(length > 1e-12)
-    if lost.any():  # faces that cancel, folded onto each other: any one of their normals will do
+    lost = np.flatnonzero(~(length > 1e-12))
+    if len(lost):  # faces that cancel, folded onto each other: any one of their normals will do
         face = np.zeros(len(vertices), np.int64)
         face[index] = np.repeat(np.arange(len(faces)), 3)
-        normals[lost] = cross[face[lost]]
+        side = side_vectors(points, faces[face[lost]])
+        normals[lost] = column_cross(side[0], side[1]).T
     return unit_rows(normals)
 
 
@@ -64,7 +68,10 @@ def _extrapolate_boundary_normals(
     rim = np.unique(edges.ends[edges.uses == 1])
     if not len(rim):
         return normals
-    normals = normals.copy()
+    normals, near = normals.copy(), np.zeros(len(vertices), bool)
+    near[rim] = True
+    near[faces[any_corner(faces, near)]] = True
+    faces = faces[any_corner(faces, near)]
     for some, vertex, face in _two_rings(faces, rim, len(vertices)):
         fitted = _fitted_normals(vertices, faces[face], vertex, normals[some], vertices[some])
         good = row_dot(fitted, normals[some]) > np.cos(np.radians(MAX_EXTRAPOLATED))
@@ -83,14 +90,14 @@ def _fitted_normals(
     vertex : (P,) int, the place that each of them tells of
     axis : (M, 3) unit normals, across which the fields change
     """
-    side = side_vectors(vertices, corners)
-    cross = np.cross(side[0], side[1])
-    area = np.sqrt(row_dot(cross, cross))
-    x, y = _tangent_frame(axis)
+    side = side_vectors(columns(vertices), corners)
+    cross = column_cross(side[0], side[1])
+    area = np.sqrt(column_dot(cross, cross))
+    x, y = (columns(tangent) for tangent in _tangent_frame(columns(axis)))
     away = vertices[corners].mean(axis=1) - at[vertex]
     along = row_dot(away, x[vertex]), row_dot(away, y[vertex])
     where = np.stack([np.ones(len(vertex)), *along], axis=1)
-    return _fit_linear(vertex, where, area, cross / np.maximum(area, TINY)[:, None], len(at))
+    return _fit_linear(vertex, where, area, (cross / np.maximum(area, TINY)).T, len(at))
 
 
 def _two_rings(
@@ -151,10 +158,17 @@ def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     An obtuse face is cut by the bisectors of its two shorter sides (Rusinkiewicz 2004), so that no
     share is negative.
     """
-    side = side_vectors(vertices, faces)
-    cross = np.cross(side[0], side[1])
-    area = 0.5 * np.sqrt(row_dot(cross, cross))
-    square = [row_dot(s, s) for s in side]
+    points, areas = columns(vertices), np.empty(faces.shape)
+    for block in blocks(len(faces)):
+        areas[block] = np.transpose(_block_areas(side_vectors(points, faces[block])))
+    return areas
+
+
+def _block_areas(side: list[np.ndarray]) -> list[np.ndarray]:
+    """Measure the Voronoi areas of the three corners, (N,) each, of faces of sides (3, N)."""
+    cross = column_cross(side[0], side[1])
+    area = 0.5 * np.sqrt(column_dot(cross, cross))
+    square = [column_dot(s, s) for s in side]
     # barycentric weights of the circumcentre, which is outside the face where one of them is
     # negative
     weight = [square[i] * (square[i - 2] + square[i - 1] - square[i]) for i in range(3)]
@@ -163,25 +177,25 @@ def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         obtuse = np.flatnonzero(weight[i] <= 0.0)
-        s, a = [part[obtuse] for part in side], area[obtuse]
-        at_j = -0.25 * square[k][obtuse] * a / np.minimum(row_dot(s[i], s[k]), -TINY)
-        at_k = -0.25 * square[j][obtuse] * a / np.minimum(row_dot(s[i], s[j]), -TINY)
+        s, a = [part[:, obtuse] for part in side], area[obtuse]
+        at_j = -0.25 * square[k][obtuse] * a / np.minimum(column_dot(s[i], s[k]), -TINY)
+        at_k = -0.25 * square[j][obtuse] * a / np.minimum(column_dot(s[i], s[j]), -TINY)
         areas[j][obtuse], areas[k][obtuse], areas[i][obtuse] = at_j, at_k, a - at_j - at_k
-    return np.stack(areas, axis=1)
+    return areas
 
 
 def _tangent_frame(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Make two unit tangents (V, 3) with x cross y = normal, after Duff et al. 2017.
+    """Make two unit tangents (3, V) with x cross y = normal, after Duff et al. 2017.
 
     Without square roots or special cases.
     """
-    nx, ny, nz = normals.T
-    sign = np.where(nz >= 0.0, 1.0, -1.0)
+    nx, ny, nz = normals
+    sign = np.copysign(1.0, nz)
     a = -1.0 / (sign + nz)
     b = nx * ny * a
     return (
-        np.stack([1.0 + sign * nx * nx * a, sign * b, -sign * nx], axis=1),
-        np.stack([b, sign + ny * ny * a, -ny], axis=1),
+        np.stack([1.0 + sign * nx * nx * a, sign * b, -sign * nx]),
+        np.stack([b, sign + ny * ny * a, -ny]),
     )
 
 
@@ -252,43 +266,40 @@ def differential_geometry(
     blur = _blur(edges, len(vertices), smooth)
     if blur is not None:
         normals = unit_rows(blur(normals))
-    x, y = _tangent_frame(normals)
-    blocks = _face_blocks(vertices, faces, normals)
-    mean, deviator = _vertex_forms(faces, normals, blocks, rtsc)
+    x, y = _tangent_frame(columns(normals))
+    mean, deviator, frames = _vertex_forms(vertices, faces, normals, rtsc)
     if blur is not None:
-        mean, deviator = _blur_tensor(blur, mean, deviator, x, y)
+        mean, deviator = _blur_tensor(blur, mean, deviator, x.T, y.T)
     k1, k2, axis = _principal_curvatures(mean, deviator)
-    pdir1 = axis.real[:, None] * x + axis.imag[:, None] * y
-    pdir2 = axis.real[:, None] * y - axis.imag[:, None] * x
-    dcurv = _vertex_derivatives(faces, blocks, mean, deviator, axis)
+    pdir1 = np.ascontiguousarray((axis.real * x + axis.imag * y).T)
+    pdir2 = np.ascontiguousarray((axis.real * y - axis.imag * x).T)
+    del x, y
+    dcurv = _vertex_derivatives(faces, frames, mean, deviator, axis)
     size = feature_size(vertices, k1, k2, rtsc)
     return Measures(normals, k1, k2, pdir1, pdir2, dcurv, size)
 
 
-def _face_blocks(
-    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray
-) -> list[tuple[slice, _FaceFrames]]:
-    """Set up the frames of BLOCK faces at a time: which faces, and their frames."""
-    index, areas = faces.ravel(), corner_areas(vertices, faces).ravel()
-    total = np.maximum(scatter_sum(index, areas, len(vertices)), TINY)
-    share = (areas / total[index]).reshape(-1, 3)
-    blocks = [slice(i, i + BLOCK) for i in range(0, len(faces), BLOCK)]
-    return [(b, _face_frames(vertices, faces[b], share[b], normals)) for b in blocks]
-
-
 def _vertex_forms(
-    faces: np.ndarray,
-    normals: np.ndarray,
-    blocks: list[tuple[slice, _FaceFrames]],
-    rtsc: bool,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Average the second fundamental forms of the faces: mean (V,) and deviator (V,) complex."""
+    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, rtsc: bool
+) -> tuple[np.ndarray, np.ndarray, list[_FaceFrames]]:
+    """Average the second fundamental forms of the faces: mean (V,) and deviator (V,) complex.
+
+    Returns the frames of the faces, too, BLOCK by BLOCK.
+    """
+    index, share = faces.ravel(), corner_areas(vertices, faces)
+    total = np.maximum(scatter_sum(index, share.ravel(), len(vertices)), TINY)
+    share /= total[faces]
+    points, frames, axes = columns(vertices), [], columns(normals)
     mean, deviator = np.empty(faces.shape), np.empty(faces.shape, complex)
-    for block, frame in blocks:
-        mean[block], deviator[block] = _forms(frame, normals[faces[block]], rtsc)
-    index, count = faces.ravel(), len(normals)
+    for block in blocks(len(faces)):
+        corner = [axes.take(faces[block, i], axis=1) for i in range(3)]
+        basis = _FaceBasis.of(side_vectors(points, faces[block]))
+        frame = _face_frames(basis, corner, columns(share[block]))
+        mean[block], deviator[block] = _forms(basis, frame, corner, rtsc)
+        frames.append(frame)
+    count = len(normals)
     mean = scatter_sum(index, mean.ravel(), count)
-    return mean, scatter_sum(index, deviator.ravel(), count)
+    return mean, scatter_sum(index, deviator.ravel(), count), frames
 
 
 def _principal_curvatures(
@@ -309,15 +320,16 @@ def _principal_curvatures(
 
 def _vertex_derivatives(
     faces: np.ndarray,
-    blocks: list[tuple[slice, _FaceFrames]],
+    frames: list[_FaceFrames],
     mean: np.ndarray,
     deviator: np.ndarray,
     axis: np.ndarray,
 ) -> np.ndarray:
     """Average the derivatives of the form, seen along the principal directions: (V, 4)."""
     one, three = np.empty(faces.shape, complex), np.empty(faces.shape, complex)
-    for block, frame in blocks:
-        one[block], three[block] = _derivatives(frame, mean[faces[block]], deviator[faces[block]])
+    for block, frame in zip(blocks(len(faces)), frames, strict=True):
+        corner = columns(faces[block])
+        one[block], three[block] = _derivatives(frame, mean[corner], deviator[corner])
     index, count = faces.ravel(), len(mean)
     one = scatter_sum(index, one.ravel(), count) / axis
     three = scatter_sum(index, three.ravel(), count) / (axis * axis * axis)
@@ -332,84 +344,104 @@ def _vertex_derivatives(
     )
 
 
-@dataclass(frozen=True)
-class _FaceFrames:
-    """Frames (t, b, n) of some faces (F,), and what turns them into those of their corners.
+class _FaceBasis(NamedTuple):
+    """Orthonormal bases (t, b, n) of some faces, (3, N) each, and their sides in them.
 
-    t, b : (F, 3)
-    u, v : (3, F), the sides in the frame, side i opposite corner i
-    turn : (F, 3) complex, e^(i phi): t, seen in each corner's frame after the shortest rotation of
-        n onto its normal
-    share : (F, 3), of each corner's average
+    Parameters
+    ----------
+    u, v : (3, N), the sides along t and b, side i opposite corner i
     """
 
     t: np.ndarray
     b: np.ndarray
+    n: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+    @classmethod
+    def of(cls, side: list[np.ndarray]) -> _FaceBasis:
+        """Set up the bases of faces of sides (3, N)."""
+        t, n = _unit(side[0]), _unit(column_cross(side[0], side[1]))
+        b = column_cross(n, t)
+        u, v = (np.stack([column_dot(s, axis) for s in side]) for axis in (t, b))
+        return cls(t, b, n, u, v)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Scale vectors (3, N) to length 1; those of no length stay."""
+    return vectors / np.maximum(np.sqrt(column_dot(vectors, vectors)), TINY)
+
+
+class _FaceFrames(NamedTuple):
+    """Some faces in their own planes, and what turns tensors there into those of their corners.
+
+    Parameters
+    ----------
+    u, v : (3, N), the sides, as in `_FaceBasis`
+    turn : (3, N) complex, e^(i phi): t, seen in each corner's frame after the shortest rotation of
+        n onto its normal
+    share : (3, N), of each corner's average
+    """
+
     u: np.ndarray
     v: np.ndarray
     turn: np.ndarray
     share: np.ndarray
 
 
-def _face_frames(
-    vertices: np.ndarray, faces: np.ndarray, share: np.ndarray, normals: np.ndarray
-) -> _FaceFrames:
-    """Set up the frames of faces (F, 3); `share` (F, 3) is that of each corner's average."""
-    side = side_vectors(vertices, faces)
-    t = unit_rows(side[0])
-    n = unit_rows(np.cross(side[0], side[1]))
-    b = np.cross(n, t)
-    u = np.stack([row_dot(s, t) for s in side])
-    v = np.stack([row_dot(s, b) for s in side])
+def _face_frames(basis: _FaceBasis, corner: list[np.ndarray], share: np.ndarray) -> _FaceFrames:
+    """Turn the bases of faces into the frames of their corners.
+
+    `corner` : the normals (3, N) there; `share` : (3, N), that of each corner's average
+    """
+    t, n, u, v = basis.t, basis.n, basis.u, basis.v
     uu, vv = (u * u).sum(axis=0), (v * v).sum(axis=0)
-    flat = (
-        vv * uu > 1e-16 * (uu + vv) ** 2
-    )  # a sliver says nothing across its length: give it no vote
-    turn = np.empty(faces.shape, complex)
-    for i in range(3):
-        corner_normal = normals[faces[:, i]]
-        tilt = row_dot(t, corner_normal) / np.maximum(1.0 + row_dot(n, corner_normal), 1e-6)
-        rotated = (
-            t - tilt[:, None] * n
-        )  # less a part along the vertex normal, which x and y do not see
-        x, y = _tangent_frame(corner_normal)  # sooner made than fetched
-        turn[:, i].real, turn[:, i].imag = row_dot(rotated, x), row_dot(rotated, y)
+    # a sliver says nothing across its length: give it no vote
+    share = share * (vv * uu > 1e-16 * (uu + vv) ** 2)
+    turn = np.empty(u.shape, complex)
+    for i, normal in enumerate(corner):
+        tilt = column_dot(t, normal) / np.maximum(1.0 + column_dot(n, normal), 1e-6)
+        rotated = t - tilt * n  # less a part along the vertex normal, which x and y do not see
+        x, y = _tangent_frame(normal)  # sooner made than fetched
+        turn[i].real, turn[i].imag = column_dot(rotated, x), column_dot(rotated, y)
     size = np.abs(turn)
     turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)
-    return _FaceFrames(t, b, u, v, turn, share * flat[:, None])
+    return _FaceFrames(u, v, turn, share)
 
 
-def _forms(frame: _FaceFrames, normals: np.ndarray, rtsc: bool) -> tuple[np.ndarray, np.ndarray]:
+def _forms(
+    basis: _FaceBasis, frame: _FaceFrames, corner: list[np.ndarray], rtsc: bool
+) -> tuple[np.ndarray, np.ndarray]:
     """Fit the second fundamental form of each face: II . side = dn.
 
-    Returns what each corner (F, 3) adds to its vertex's form: mean and deviator.
+    Returns what each corner (N, 3) adds to its vertex's form: mean and deviator. `corner` are the
+    normals (3, N) there.
     """
-    u, v = frame.u, frame.v
+    u, v = basis.u, basis.v
     uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
-    dn = [normals[:, i - 1] - normals[:, i - 2] for i in range(3)]
-    du = np.stack([row_dot(d, frame.t) for d in dn])
-    dv = np.stack([row_dot(d, frame.b) for d in dn])
+    dn = [corner[i - 1] - corner[i - 2] for i in range(3)]
+    du = np.stack([column_dot(d, basis.t) for d in dn])
+    dv = np.stack([column_dot(d, basis.b) for d in dn])
     right = [(du * u).sum(axis=0), (du * v + dv * u).sum(axis=0), (dv * v).sum(axis=0)]
     e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right, rtsc)
-    mean = (0.5 * (e + g))[:, None] * frame.share
-    deviator = (0.5 * (e - g) + 1j * f)[:, None] * (frame.turn * frame.turn) * frame.share
-    return mean, deviator
+    mean = 0.5 * (e + g) * frame.share
+    deviator = (0.5 * (e - g) + 1j * f) * (frame.turn * frame.turn) * frame.share
+    return mean.T, deviator.T
 
 
 def _derivatives(
     frame: _FaceFrames, mean: np.ndarray, deviator: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit the derivative of the form on each face, given the form at the corners (F, 3).
+    """Fit the derivative of the form on each face, given the form at the corners (3, N).
 
-    Returns what each corner (F, 3) adds to its vertex's tensor: its two parts.
+    Returns what each corner (N, 3) adds to its vertex's tensor: its two parts.
     """
     u, v = frame.u, frame.v
     uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
     turn_twice = frame.turn * frame.turn
     # differences of the form, seen in the face's frame, along the sides
-    seen = (deviator * np.conj(turn_twice)).T
-    h = mean.T
-    d_mean = np.stack([h[i - 1] - h[i - 2] for i in range(3)])
+    seen = deviator * np.conj(turn_twice)
+    d_mean = np.stack([mean[i - 1] - mean[i - 2] for i in range(3)])
     d_dev = np.stack([seen[i - 1] - seen[i - 2] for i in range(3)])
     d_uu, d_uv, d_vv = d_mean + d_dev.real, d_dev.imag, d_mean - d_dev.real
     right = [
@@ -421,13 +453,9 @@ def _derivatives(
     p, q, r, s = _solve_tridiagonal(
         [uu, 2.0 * uu + vv, uu + 2.0 * vv, vv], [uv, 2.0 * uv, uv], right
     )
-    one = (0.75 * ((p + r) + 1j * (q + s)))[:, None] * frame.turn * frame.share
-    three = (
-        (0.25 * ((p - 3.0 * r) + 1j * (3.0 * q - s)))[:, None]
-        * (turn_twice * frame.turn)
-        * frame.share
-    )
-    return one, three
+    one = (0.75 * ((p + r) + 1j * (q + s))) * frame.turn * frame.share
+    three = (0.25 * ((p - 3.0 * r) + 1j * (3.0 * q - s))) * (turn_twice * frame.turn) * frame.share
+    return one.T, three.T
 
 
 def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray, rtsc: bool = False) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .messages import warn
-from .triangles import TINY, row_dot, unit_rows
+from .triangles import TINY, column_cross, column_dot, row_dot, unit_rows
 
 FLAT = 1e-4  # sine of the turn at a corner: less is rounding, and a fan may have faces of no area
 SOUND = 1e-3  # of a quad's area: a diagonal that cuts off less, or something outside, is no good
@@ -116,14 +116,19 @@ def _second_diagonal(
     size = np.maximum(np.maximum(np.abs(ab), np.abs(ac)), np.abs(ad)).max(axis=0)
     ab, ac, ad = (v / np.where(size > 0.0, size, 1.0) for v in (ab, ac, ad))
     bc, bd = ac - ab, ad - ab
-    normal = _cross(ac, bd)
-    whole = np.maximum(_dot(normal, normal), TINY)
+    normal = column_cross(ac, bd)
+    whole = np.maximum(column_dot(normal, normal), TINY)
     # the smaller of the two areas that each diagonal leaves, seen along the normal
-    abc, acd, abd, bcd = _cross(ab, ac), _cross(ac, ad), _cross(ab, ad), _cross(bc, bd)
-    least_one = np.minimum(_dot(normal, abc), _dot(normal, acd)) / whole
-    least_two = np.minimum(_dot(normal, abd), _dot(normal, bcd)) / whole
+    abc, acd, abd, bcd = (
+        column_cross(ab, ac),
+        column_cross(ac, ad),
+        column_cross(ab, ad),
+        column_cross(bc, bd),
+    )
+    least_one = np.minimum(column_dot(normal, abc), column_dot(normal, acd)) / whole
+    least_two = np.minimum(column_dot(normal, abd), column_dot(normal, bcd)) / whole
     both = (least_one > SOUND) & (least_two > SOUND)
-    shorter = _dot(bd, bd) < SHORTER**2 * _dot(ac, ac)
+    shorter = column_dot(bd, bd) < SHORTER**2 * column_dot(ac, ac)
     other = np.where(both, shorter, least_two > least_one + SOUND**2)
     return other, ~both & _are_crossing(abc, acd, abd, bcd, ad)
 
@@ -138,20 +143,11 @@ def _are_crossing(
 
     `abc`, `acd`, `abd`, `bcd` : (3, Q), twice the vector areas of these triangles
     """
-    turns = np.stack([_dot(abc, one) for one in (abc, acd, abd, bcd)])
+    turns = np.stack([column_dot(abc, one) for one in (abc, acd, abd, bcd)])
     size = np.abs(turns).max(axis=0)
     left, right = (turns > SOUND * size).sum(axis=0), (turns < -SOUND * size).sum(axis=0)
-    flat = np.abs(_dot(abc, ad)) < SOUND * np.sqrt(_dot(abc, abc))
+    flat = np.abs(column_dot(abc, ad)) < SOUND * np.sqrt(column_dot(abc, abc))
     return (left == 2) & (right == 2) & flat
-
-
-def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Multiply vectors (3, N): their cross products; several times as fast as np.cross by rows."""
-    return np.stack([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)])
-
-
-def _dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    return np.einsum("ij,ij->j", u, v)
 
 
 def _cut_concave(

@@ -10,7 +10,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import counting, runs
-from .triangles import Edges, row_dot, unit_rows
+from .soup import Soup
+from .triangles import Edges, any_corner, row_dot, unit_rows
 
 MAX_PAGES = 64  # faces at an edge; of more, as at a book's spine, none goes on as another
 PAIRS = 4  # of what is left at an edge, at most, that are joined though nothing tells them
@@ -18,9 +19,16 @@ PLANE = np.radians(1.0)  # faces that bend less at an edge are of one plane
 SAME = 1e-4  # radians: faces that leave an edge so much alike lie on each other
 
 
-def part_sheets(
-    points: np.ndarray, faces: np.ndarray, origin: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def tangled_vertices(soup: Soup) -> np.ndarray:
+    """Find the vertices (V,) bool where sheets meet: at edges of more than two faces, and where
+    more than one boundary passes."""
+    edges, count = soup.edges, len(soup.points)
+    tangled = np.bincount(edges.ends[edges.uses == 1].ravel(), minlength=count) > 2
+    tangled[edges.ends[edges.uses > 2]] = True
+    return tangled
+
+
+def part_sheets(soup: Soup, tangled: np.ndarray, origin: np.ndarray) -> Soup:
     """Give the sheets that meet at edges of more than two faces vertices of their own.
 
     At such an edge two faces go on as each other that the file joins by vertices of its own; else
@@ -28,27 +36,16 @@ def part_sheets(
     that have solid between them, where the others do too; else the two that are flattest.
     So two bodies that touch are two, and a fin has an edge of its own where it stands on a sheet.
     After Gueziec et al. 2001, "Cutting and Stitching: Converting Sets of Polygons to Manifold
-    Surfaces".
+    Surfaces". The new vertices come last.
 
     Parameters
     ----------
-    points : (V, 3)
-    faces : (F, 3) int
+    tangled : (V,) bool, where sheets meet
     origin : (F, 3) int, the vertices by which the file names the corners
-
-    Returns
-    -------
-    points (V', 3), the new ones last, and faces over them
     """
-    edges = Edges.of(faces, len(points))
+    points, faces, edges = soup.points, soup.faces, soup.edges
     many = edges.uses > 2
-    # where boundaries meet in a vertex, sheets do that have nothing else in common
-    rims = np.bincount(edges.ends[edges.uses == 1].ravel(), minlength=len(points))
-    tangled = rims > 2
-    tangled[edges.ends[many]] = True
-    if not tangled.any():
-        return points, faces
-    near = np.flatnonzero(tangled[faces].any(axis=1))
+    near = np.flatnonzero(any_corner(faces, tangled))
     pairs = _joined_sides(points, faces, origin, edges, many)
     inner = (edges.uses == 2) & tangled[edges.ends].any(axis=1)
     pairs = np.concatenate([edges.sides[inner], pairs])
@@ -64,7 +61,8 @@ def part_sheets(
     number[order[again]] = len(points) + np.arange(again.sum())
     out = faces.ravel().copy()
     out[corner] = number[inverse.ravel()]
-    return np.concatenate([points, points[at[first][order[again]]]]), out.reshape(-1, 3)
+    points = np.concatenate([points, points[at[first][order[again]]]])
+    return Soup(points, out.reshape(-1, 3), soup.kept)
 
 
 def _corner_groups(faces: np.ndarray, pairs: np.ndarray, near: np.ndarray) -> np.ndarray:

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import counting, runs
-from .triangles import Edges, all_corners, clashes, row_dot, unit_rows
+from .soup import Soup
+from .triangles import TINY, Edges, all_corners, clashes, dots_at, row_dot, unit_rows
 from .weld import CRACK, DETAIL, shortest_sides
 
 ROUNDS = 8  # of stitching: each splits one side of a face
@@ -54,43 +55,40 @@ class Stitches(NamedTuple):
         return Stitches(self.side[index], self.vertex[index], self.t[index])
 
 
-def stitch(
-    points: np.ndarray, faces: np.ndarray, kept: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Split the faces (F, 3) on whose boundary sides vertices of others lie, and their `kept` (F,).
+def stitch(soup: Soup) -> Soup:
+    """Split the faces on whose boundary sides vertices of others lie.
 
-    Points (V, 3) have longest side 1. A face with a corner on its own longest side, as put there to
-    close a T-junction, goes, and the face beyond that side gets the corner.
+    A face with a corner on its own longest side, as put there to close a T-junction, goes, and the
+    face beyond that side gets the corner.
     """
     for _ in range(ROUNDS):
-        edges = Edges.of(faces, len(points))
-        caps, found = _caps(points, faces, edges)
+        caps, found = _caps(soup)
         if not len(caps):
             break
-        faces, kept = _split(faces, kept, found, caps)
+        soup = _split(soup, found, caps)
     for find in (_on_sides, _spanned):
-        new = np.ones(len(faces), bool)
+        new = np.ones(len(soup.faces), bool)
         for _ in range(ROUNDS):
-            edges = Edges.of(faces, len(points))
-            rim = np.flatnonzero((edges.uses == 1) & new[edges.faces[:, 0]])
-            found = find(points, faces, edges, rim)
+            edges = soup.edges
+            rim = np.flatnonzero(edges.uses == 1)
+            rim = rim[new[edges.sides[rim, 0] // 3]]
+            found = find(soup.points, soup.faces, edges, rim)
             if not len(found.side):
                 break
-            before, touched = len(faces), found.side // 3
-            faces, kept = _split(faces, kept, found)
-            new = np.arange(len(faces)) >= before
+            before, touched = len(soup.faces), found.side // 3
+            soup = _split(soup, found)
+            new = np.arange(len(soup.faces)) >= before
             new[touched] = True
-    return faces, kept
+    return soup
 
 
-def _split(
-    faces: np.ndarray, kept: np.ndarray, found: Stitches, drop: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Split faces (F, 3) at one of their sides each, in a fan from the corner opposite.
+def _split(soup: Soup, found: Stitches, drop: np.ndarray | None = None) -> Soup:
+    """Split faces at one of their sides each, in a fan from the corner opposite.
 
     The first triangle of each takes its face's place, the others come last; those of the index
     `drop` go.
     """
+    faces, kept = soup.faces, soup.kept
     face = found.side // 3
     chosen = np.zeros(len(faces), np.int64)
     chosen[face] = found.side  # one side of each, the others another time
@@ -106,28 +104,27 @@ def _split(
     faces[face[first], (side[first] + 1) % 3] = found.vertex[first]
     stays = np.ones(len(faces), bool)
     stays[drop if drop is not None else []] = False
-    return np.concatenate([faces[stays], fan]), np.concatenate([kept[stays], kept[face]])
+    kept = np.concatenate([kept[stays], kept[face]])
+    return soup.with_faces(np.concatenate([faces[stays], fan]), kept)
 
 
-def _caps(points: np.ndarray, faces: np.ndarray, edges: Edges) -> tuple[np.ndarray, Stitches]:
+def _caps(soup: Soup) -> tuple[np.ndarray, Stitches]:
     """Find faces (C,) with a corner on their longest side, and where it is on the face beyond.
 
     So are those that are folded back onto the face beyond one of their sides. Only those are found
     at once that have nothing to do with each other.
     """
-    corner = points[faces]
-    along = np.roll(corner, -1, axis=1) - corner
-    square = row_dot(along, along)
-    row = np.arange(len(faces))
-    longest = square.argmax(axis=1)
-    long_square = square[row, longest]
-    cross = np.cross(along[:, 0], along[:, 1])
-    height_square = row_dot(cross, cross) / np.maximum(long_square, 1e-300)
-    short_square = square.min(axis=1)
-    low = height_square < np.minimum(CAP**2 * long_square, CRACK**2)
-    low &= height_square < DETAIL**2 * short_square
-    low &= edges.uses[edges.of_side[row, longest]] <= 2
-    flap, under = _flaps(corner, cross, faces, edges)
+    faces, edges, shape = soup.faces, soup.edges, soup.shape
+    square = shape.longest
+    height = shape.size**2 / np.maximum(square, 1e-300)  # squared
+    low = height < np.minimum(CAP**2 * square, CRACK**2)
+    few = np.flatnonzero(low)
+    sides = shape.square[[[2], [0], [1]], few]  # from corner i to the next
+    longest = np.zeros(len(faces), np.int64)
+    longest[few] = sides.argmax(axis=0)
+    low[few] = height[few] < DETAIL**2 * sides.min(axis=0)
+    low[few] &= edges.uses[edges.of_side[few, longest[few]]] <= 2
+    flap, under = _flaps(soup)
     longest[flap], low[flap] = under, True
     cap = np.flatnonzero(low)
     if not len(cap) or len(cap) == len(faces):
@@ -151,32 +148,23 @@ def _none() -> Stitches:
     return Stitches(nothing, nothing, np.zeros(0))
 
 
-def _flaps(
-    corner: np.ndarray, cross: np.ndarray, faces: np.ndarray, edges: Edges
-) -> tuple[np.ndarray, np.ndarray]:
+def _flaps(soup: Soup) -> tuple[np.ndarray, np.ndarray]:
     """Find faces (C,) that are folded back onto a neighbour, and the side (C,) between the two.
 
     Programs that thin out a mesh leave such: a face that looks the other way than all three of its
     neighbours, and lies on one of them. With its corner on that one's side the fold is gone, or it
     is smaller, and goes in the next round.
-
-    Parameters
-    ----------
-    corner, cross : (F, 3, 3), the corners of the faces; (F, 3), twice their areas, as vectors
     """
-    unit = unit_rows(cross)
-    clash = clashes(faces, edges)
-    pair = edges.faces
-    inner = edges.uses == 2
-    against = row_dot(unit[pair[:, 0]], unit[pair[:, 1]]) * np.where(clash, -1.0, 1.0)
-    folded = inner & (against < -FOLDED_BACK)
+    edges, size = soup.edges, soup.shape.size
+    unit = soup.shape.cross / np.maximum(size, TINY)
+    against = dots_at(unit, *edges.faces.T)
+    np.negative(against, out=against, where=clashes(soup.faces, edges))
+    folded = (edges.uses == 2) & (against < -FOLDED_BACK)
     face = np.flatnonzero(all_corners(edges.of_side, folded))
     if not len(face):
         return face, face
-    beside = edges.faces[edges.of_side[face]]  # (n, 3, 2)
-    beside = np.where(beside[..., 0] == face[:, None], beside[..., 1], beside[..., 0])
-    size = np.sqrt(row_dot(cross, cross))
-    wrong = np.stack([_still_turned(corner, unit, face, beside[:, i], i) for i in range(3)], axis=1)
+    beside = edges.beyond[face] // 3  # (n, 3)
+    wrong = np.stack([_still_turned(soup, unit, face, beside[:, i], i) for i in range(3)], axis=1)
     # the floor of a flat tent looks the other way than its three walls too, and is larger than each
     wrong[size[beside] <= size[face][:, None]] = np.inf
     side = wrong.argmin(axis=1)
@@ -185,17 +173,19 @@ def _flaps(
 
 
 def _still_turned(
-    corner: np.ndarray, unit: np.ndarray, face: np.ndarray, under: np.ndarray, side: int
+    soup: Soup, unit: np.ndarray, face: np.ndarray, under: np.ndarray, side: int
 ) -> np.ndarray:
     """Measure what is turned over where the corner of faces (n,) opposite a side goes on it.
 
-    That is of the faces `under` (n,) beyond that side: twice the area, (n,).
+    That is of the faces `under` (n,) beyond that side: twice the area, (n,). `unit` (3, F) are
+    normals.
     """
-    tip, wrong = corner[face, (side + 2) % 3], np.zeros(len(face))
+    corner, normal = soup.points[soup.faces[under]], unit[:, under].T
+    tip, wrong = soup.points[soup.faces[face, (side + 2) % 3]], np.zeros(len(face))
     for k in range(3):
-        a, b = corner[under, k], corner[under, (k + 1) % 3]
+        a, b = corner[:, k], corner[:, (k + 1) % 3]
         # the side itself is one of the three, run the other way: there the tip lies inside
-        wrong -= np.minimum(row_dot(np.cross(b - a, tip - a), unit[under]), 0.0)
+        wrong -= np.minimum(row_dot(np.cross(b - a, tip - a), normal), 0.0)
     return wrong
 
 

@@ -21,7 +21,6 @@ from .repair import (
     mend,
     split_at_creases,
 )
-from .triangles import Edges
 from .weld import drop_unused_vertices
 
 DEFAULT_CREASE = 40.0  # degrees between two faces
@@ -384,7 +383,7 @@ class Cleaned(NamedTuple):
     vertices : (V, 3) float64, box centre 0 and longest side 1
     faces, part, polygon, weld, turned, centre, scale : as `Surface` has them
     kept : (F,) int, the face given that each was, or was cut from
-    edges : of the welded faces
+    connectivity : of these vertices
     """
 
     vertices: np.ndarray
@@ -396,7 +395,7 @@ class Cleaned(NamedTuple):
     centre: np.ndarray
     scale: float
     kept: np.ndarray
-    edges: Edges
+    connectivity: Connectivity
 
 
 def clean(
@@ -418,28 +417,32 @@ def clean(
     part = _one_per_face("part", np.zeros(len(faces)) if part is None else part, len(faces))
     polygon = np.arange(len(faces)) if polygon is None else polygon
     polygon = _one_per_face("polygon", polygon, len(faces))
-    given = np.flatnonzero(~left_out(vertices, faces))
-    points, faces = drop_unused_vertices(vertices, faces[given])
+    far = left_out(vertices, faces)
+    given = np.arange(len(faces)) if far is None else np.flatnonzero(~far)
+    points, faces = drop_unused_vertices(vertices, faces if far is None else faces[given])
     points, centre, scale = centre_and_scale(points)
-    points, faces, kept = mend(points, faces, stitched)
-    kept = given[kept]
-    edges = Edges.of(faces, len(points))
-    turn = faces_to_flip(points, faces, edges)
-    faces, edges = np.where(turn[:, None], faces[:, ::-1], faces), edges.turned(turn)
+    soup = mend(points, faces, stitched)
+    kept, faces, edges = given[soup.kept], soup.faces, soup.edges
+    polygon = polygon[kept]
+    turn = faces_to_flip(soup)
+    if turn.any():
+        faces, edges = np.where(turn[:, None], faces[:, ::-1], faces), edges.turned(turn)
     # once more: faces that were dropped may have held the box open
-    points, moved_centre, moved_scale = centre_and_scale(points)
-    faces, weld = split_at_creases(points, faces, edges, crease, polygon[kept])
+    points, moved_centre, moved_scale = centre_and_scale(soup.points)
+    del soup
+    whole = Connectivity(points, faces, np.arange(len(points)), edges, polygon)
+    mesh = split_at_creases(whole, crease)
     return Cleaned(
-        points[weld],
-        faces,
+        mesh.vertices,
+        mesh.faces,
         part[kept],
-        polygon[kept],
-        weld,
+        polygon,
+        mesh.weld,
         turn,
         centre + scale * moved_centre,
         scale * moved_scale,
         kept,
-        edges,
+        mesh,
     )
 
 
@@ -454,8 +457,10 @@ def measured(
 
     Arguments and errors are those of `make_surface`.
     """
-    faces, weld, edges = cleaned.faces, cleaned.weld, cleaned.edges
-    whole = edges if np.array_equal(weld, np.arange(len(weld))) else None
+    faces, weld, mesh = cleaned.faces, cleaned.weld, cleaned.connectivity
+    if vertices is not mesh.vertices:
+        mesh = Connectivity(vertices, faces, weld, mesh.edges, cleaned.polygon)
+    whole = mesh.edges if mesh.is_uncut else None
     return Surface(
         vertices,
         faces,
@@ -467,7 +472,7 @@ def measured(
         polygon=cleaned.polygon,
         weld=weld,
         turned=cleaned.turned,
-        connectivity=Connectivity(vertices, faces, weld, edges, cleaned.polygon),
+        connectivity=mesh,
     )
 
 

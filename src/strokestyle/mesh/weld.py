@@ -7,6 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from .soup import Soup
 from .triangles import Edges, all_corners, row_dot
 
 # Of the longest side: boundary vertices nearer than this are one, where the mesh is not finer
@@ -28,12 +29,10 @@ def drop_unused_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.nd
 
 def first_at_place(points: np.ndarray) -> np.ndarray:
     """Find the first of the points (V, 3) at each one's very place, (V,) int."""
-    # by a hash of the bits, many times faster than by rows; + 0.0 makes 0.0 of -0.0
-    bits = np.ascontiguousarray(points + 0.0).view(np.uint64)
-    key = np.zeros(len(points), np.uint64)
-    for column in bits.T:
-        key = (key ^ column) * MIX
-        key ^= key >> np.uint64(29)
+    key = _hashes(points)
+    ordered = np.sort(key)
+    if (ordered[1:] != ordered[:-1]).all():
+        return np.arange(len(points))
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     found = first[inverse.ravel()]
     if (points[found] != points).any():  # two places of one hash: once in 1e5 of the largest meshes
@@ -42,28 +41,39 @@ def first_at_place(points: np.ndarray) -> np.ndarray:
     return found
 
 
-def close_cracks(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _hashes(points: np.ndarray) -> np.ndarray:
+    """Hash the bits of points (V, 3), (V,) uint64: many times faster than to sort them by rows."""
+    key = np.zeros(len(points), np.uint64)
+    for axis in points.T:
+        key ^= (axis + 0.0).view(np.uint64)  # + 0.0 makes 0.0 of -0.0
+        key *= MIX
+        key ^= key >> np.uint64(29)
+    return key
+
+
+def close_cracks(soup: Soup) -> np.ndarray | None:
     """Find for each vertex (V,) the one that it is merged with, where rounding moved boundaries.
 
-    Points (V, 3) have longest side 1. Bodies without a boundary have no cracks: where two of them
-    touch they stay two.
+    Bodies without a boundary have no cracks: where two of them touch they stay two. None where
+    nothing is to be merged.
     """
-    edges = Edges.of(faces, len(points))
-    on_rim = edges.uses == 1
-    rim = np.unique(edges.ends[on_rim])
-    target = np.arange(len(points))
+    points, edges = soup.points, soup.edges
+    rim = np.unique(edges.ends[edges.uses == 1])
     if not len(rim):
-        return target
+        return None
     pairs = cKDTree(points[rim]).query_pairs(CRACK, output_type="ndarray")
     if not len(pairs):
-        return target
+        return None
     limit = DETAIL * shortest_sides(points, edges.ends)[rim]
     gap = points[rim[pairs[:, 0]]] - points[rim[pairs[:, 1]]]
     near = row_dot(gap, gap) <= np.minimum(limit[pairs[:, 0]], limit[pairs[:, 1]]) ** 2
+    if not near.any():
+        return None
     pairs = pairs[near].T
     links = coo_matrix((np.ones(len(pairs[0]), np.int8), pairs), shape=(len(rim), len(rim)))
     group = connected_components(links, directed=False)[1]
     _, first = np.unique(group, return_index=True)
+    target = np.arange(len(points))
     target[rim] = rim[first[group]]
     return target
 
@@ -80,25 +90,39 @@ def shortest_sides(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return np.minimum(shortest, other)
 
 
-def drop_repeated_faces(faces: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Drop faces (F, 3) that name a vertex twice and faces given twice, and their `kept` (F,).
+def drop_repeated_faces(soup: Soup) -> Soup:
+    """Drop faces that name a vertex twice, and faces given twice.
 
     Of two faces of the same corners one goes, as of a card given from both sides. Where two bodies
     have them in common, as a wall between two boxes, both stay.
     """
-    corners = _sorted_corners(faces)
-    good = (np.diff(corners, axis=1) > 0).all(axis=1)
-    faces, kept, corners = faces[good], kept[good], corners[good]
-    count = int(faces.max(initial=0)) + 1
-    first = _first_of_each(corners, count)
-    row = np.arange(len(faces))
-    stays = first == row
-    again = np.flatnonzero(~stays)
+    a, b, c = soup.faces.T
+    soup = soup.take((a != b) & (b != c) & (c != a))
+    few = _maybe_repeated(soup.edges)
+    if not len(few):
+        return soup
+    first = few[_first_of_each(_sorted_corners(soup.faces[few]), len(soup.points))]
+    again = few[first != few]
     if not len(again):
-        return faces, kept
-    again = again[np.unique(first[again], return_index=True)[1]]  # two at most stay
-    stays[again[_of_two_bodies(faces, first[again], np.r_[np.flatnonzero(stays), again])]] = True
-    return faces[stays], kept[stays]
+        return soup
+    first = first[first != few]
+    stays = np.ones(len(soup.faces), bool)
+    stays[again] = False
+    once = np.unique(first, return_index=True)[1]  # two at most stay
+    again, first = again[once], first[once]
+    among = np.r_[np.flatnonzero(stays), again]
+    stays[again[_of_two_bodies(soup.faces, first, among)]] = True
+    return soup.take(stays)
+
+
+def _maybe_repeated(edges: Edges) -> np.ndarray:
+    """Find the faces (N,) int that may have the corners of others: these lie beyond all sides."""
+    beyond = (edges.beyond // 3).T  # -1 where none is beyond a side, or many are
+    low, high = beyond.min(axis=0), beyond.max(axis=0)
+    found = np.flatnonzero((low == high) | (low < 0))
+    others = beyond[:, found].T
+    same = (others == high[found, None]) | (edges.uses[edges.of_side[found]] > 2)
+    return found[same.all(axis=1) & (edges.uses[edges.of_side[found]] > 1).all(axis=1)]
 
 
 def _of_two_bodies(faces: np.ndarray, twins: np.ndarray, among: np.ndarray) -> np.ndarray:
@@ -118,29 +142,16 @@ def _of_two_bodies(faces: np.ndarray, twins: np.ndarray, among: np.ndarray) -> n
     return shared[sheets.component]
 
 
-def has_area(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Tell which faces have an area, (F,) bool: a height over their base that is no rounding."""
-    p0, p1, p2 = (points[faces[:, i]] for i in range(3))
-    sides = p1 - p0, p2 - p1, p0 - p2
-    one, two, three = (row_dot(side, side) for side in sides)
-    longest = np.maximum(one, np.maximum(two, three))
-    cross = np.cross(p1 - p0, p2 - p0)
-    return np.sqrt(row_dot(cross, cross)) > 1e-10 * longest  # repeated indices give 0 > 0
-
-
-def drop_flat_faces(
-    points: np.ndarray, faces: np.ndarray, kept: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Drop faces (F, 3) without area, and their `kept` (F,).
+def drop_flat_faces(soup: Soup) -> Soup:
+    """Drop faces without area.
 
     A face of three points in a row may close the gap between one long side and two short ones: then
     it stays.
     """
-    good = has_area(points, faces)
+    good = soup.shape.has_area
     if not good.all():
-        edges = Edges.of(faces, len(points))
-        good |= all_corners(edges.of_side, edges.uses == 2)
-    return faces[good], kept[good]
+        good |= all_corners(soup.edges.of_side, soup.edges.uses == 2)
+    return soup.take(good)
 
 
 def _sorted_corners(faces: np.ndarray) -> np.ndarray:
