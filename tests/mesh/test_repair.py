@@ -23,7 +23,7 @@ def _soup(faces, count=None):
 @pytest.mark.parametrize("away", [1.0, 30.0, 1e5])
 def test_what_is_told_quickly_to_lie_far_off_is_what_is_measured(away, monkeypatch):
     """One small face, nearer and farther, beside a ball."""
-    vertices = np.vstack([BALL.vertices, BALL.vertices[BALL.faces[0]] + away])
+    vertices = np.vstack([BALL.vertices, 0.3 * BALL.vertices[BALL.faces[0]] + away])
     faces = np.vstack([BALL.faces, np.arange(3) + len(BALL.vertices)])
     extent = np.stack([vertices.min(axis=0), vertices.max(axis=0)], axis=1)
     assert repair._fills_its_box(vertices, faces, extent) == (away == 1.0)
