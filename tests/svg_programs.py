@@ -3,7 +3,8 @@
     python tests/svg_programs.py
 
 writes tests/golden/svg anew, with the programs that are installed: Inkscape, scour and svgo. Those
-called format2 stay: version 2 of the format had every stroke's texture in an attribute."""
+called format2 and format3 stay: version 2 of the format had every stroke's texture in an attribute,
+version 3 all data on a stroke's group."""
 
 import shutil
 import subprocess
@@ -29,6 +30,11 @@ BY_HAND = (
     "select-by-id:s004;transform-scale:1.5;select-clear;select-by-id:layer-valley;"
     "transform-translate:1,2;select-clear;"
     "select-by-id:s001;selection-group;export-filename:{};export-do"
+)
+# layers are no groups to it: each stroke's shapes lie in its layer
+UNGROUP = (
+    "select-all:no-layers;selection-ungroup;select-clear;select-by-id:layer-valley;"
+    "transform-translate:1,2;export-filename:{};export-do"
 )
 SAVES = {
     "inkscape": "inkscape {0} --export-type=svg --export-filename={1}",
@@ -88,12 +94,12 @@ def run(command: str, source: Path, target: Path) -> bool:
     return done.returncode == 0 and target.exists()
 
 
-def by_hand(source: Path, target: Path) -> bool:
+def by_hand(source: Path, target: Path, what: str = BY_HAND) -> bool:
     """What a hand does in Inkscape: strokes moved, turned, scaled, doubled, deleted, grouped; a
-    layer moved."""
+    layer moved. Or UNGROUP."""
     if not shutil.which("inkscape"):
         return False
-    command = ["inkscape", str(source), f"--actions={BY_HAND.format(target)}"]
+    command = ["inkscape", str(source), f"--actions={what.format(target)}"]
     return (
         subprocess.run(command, capture_output=True, timeout=120).returncode == 0
         and target.exists()
@@ -112,6 +118,8 @@ def main():
             print(name, program, run(command, source, GOLDEN / f"{name}-{program}.svg"))
         print(name, "by hand", by_hand(source, GOLDEN / f"{name}-moved.svg"))
         run(SAVES["svgo"], GOLDEN / f"{name}-moved.svg", GOLDEN / f"{name}-moved-svgo.svg")
+        if texture != "none":
+            print(name, "ungrouped", by_hand(source, GOLDEN / f"{name}-ungrouped.svg", UNGROUP))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 from urllib.parse import quote, unquote
 
-FORMAT = 3
+FORMAT = 4
 MM_PER_PX = 25.4 / 96.0  # CSS pixels
 TEXTURES = ("auto", "vector", "image", "none")
 MAX_TONES = 8
@@ -67,9 +67,11 @@ class Data:
     STRIP = "data-ss-strip"
 
 
+DATA = "data-ss-"  # what all of these begin with
 ATTRIBUTES = {name: value for name, value in vars(Data).items() if name.isupper()}
 TRACK_NAME = re.compile(r"[\w.-]{1,100}", re.ASCII)  # what a stroke's track may be called
 STROKE_CLASS, CURVE_CLASS, PART_CLASS = "stroke", "curve", "part"  # of elements and of layers
+TONE_CLASS = "tone"  # of the shapes of a textured stroke behind the first, which has its data
 PAPER_ID = "paper"  # of the rectangle behind everything
 
 # how a stroke is told
@@ -92,8 +94,10 @@ STRIP_LEVELS_FEW = 6  # beside a few tones, which need no more: half the text
 
 FORMAT_CONSTANTS = {  # what a program that writes such files besides this one must know
     "FORMAT": FORMAT,
+    "DATA": DATA,
     "ATTRIBUTES": ATTRIBUTES,
     "STROKE_CLASS": STROKE_CLASS,
+    "TONE_CLASS": TONE_CLASS,
     "PAPER_ID": PAPER_ID,
     "PATH_SLACK": PATH_SLACK,
     "WIDTH_SLACK": WIDTH_SLACK,

@@ -47,6 +47,8 @@ class SvgFile:
         as it was
     hidden : number of strokes that are hidden in the file, and are not in the drawing
     foreign_shapes : number of visible shapes in the file that are no strokes of ours
+    lost_tones : how many of those are of a stroke's texture whose first shape, which has the
+        stroke's data, is not there
     effects : number of gradients, clip paths, masks and filters on strokes, which a Drawing does
         not have
     """
@@ -57,6 +59,7 @@ class SvgFile:
     kept: Kept = field(default_factory=dict, repr=False, compare=False)
     hidden: int = 0
     foreign_shapes: int = 0
+    lost_tones: int = 0
     effects: int = 0
 
 
@@ -111,8 +114,9 @@ def _read(data: bytes) -> SvgFile:
     drawing = _drawing(strokes, size, _parts(found.root, strokes))
     kept = keep_strokes(drawing, (stroke.drawn for stroke in strokes), options)
     return SvgFile(
-        drawing, tuple(ids), options, kept, found.hidden, found.foreign_shapes, found.effects
-    )
+        drawing, tuple(ids), options, kept,
+        found.hidden, found.foreign_shapes, found.lost_tones, found.effects,
+    )  # fmt: skip
 
 
 def _strokes(

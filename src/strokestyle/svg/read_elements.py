@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from ..geometry.affine import IDENTITY, Affine, compose, is_flat
-from .format import FORMAT, LIMITS, PAPER_ID, RDF_NAMESPACES, Data
+from .format import FORMAT, LIMITS, PAPER_ID, RDF_NAMESPACES, STROKE_CLASS, TONE_CLASS, Data
 from .path_data import parse_transform
 from .read_texture import Shape
 from .xml import SVG_NAMESPACE, SaxReader, css_property
@@ -43,6 +43,8 @@ class State:
     rendered : no `display: none`, and not pressed flat, which nothing inside can take back
     skipped : nothing inside is looked at
     stroke : the stroke that it is in
+    group : of a stroke's own group, whose first shape has the data
+    shapes_of : the stroke to whose look further shapes at this place belong
     """
 
     matrix: Affine = IDENTITY
@@ -53,10 +55,29 @@ class State:
     rendered: bool = True
     skipped: bool = False
     stroke: StrokeElement | None = None
+    group: StrokeGroup | None = None
+    shapes_of: StrokeElement | None = None
 
     @property
     def shown(self) -> bool:
         return self.visible and self.rendered
+
+
+@dataclass
+class StrokeGroup:
+    """The group that a textured stroke was written as, before a shape with its data is met in it.
+
+    Parameters
+    ----------
+    id, line, begin, inherits_look : as of StrokeElement
+    stroke : once it is met
+    """
+
+    id: str
+    line: int
+    begin: int
+    inherits_look: bool
+    stroke: StrokeElement | None = None
 
 
 @dataclass
@@ -66,11 +87,13 @@ class StrokeElement:
     Parameters
     ----------
     id : "" where it has none
-    attributes : of its element
-    state : of it, its own attributes included
+    attributes : of the element that has its data: itself, or the first of its shapes
+    state : of that element, its own attributes included; of a shape, that of what it is in
     line : of the file, where it begins
     begin, end : its bytes in the file; `end` is behind an empty element, else its end tag's begin
     inherits_look : the elements around it move it, or make it paler
+    of_shapes : its data stand on the first of its shapes
+    loose : besides, these are in no group of their own, so that only they tell its ink
     shapes : what is drawn in it, or the element itself, from the lowest to the uppermost
     """
 
@@ -80,6 +103,8 @@ class StrokeElement:
     line: int
     begin: int
     inherits_look: bool
+    of_shapes: bool = False
+    loose: bool = False
     shapes: list[Shape] = field(default_factory=list)
     end: int = 0
 
@@ -125,6 +150,7 @@ class ElementReader:
     offset_points : of PowerStrokes, by the ids of their path effects
     hidden : number of strokes that are not shown
     foreign_shapes : number of shapes that are shown and are no strokes of ours
+    lost_tones : how many of those are of strokes of ours whose data are not there
     effects : number of gradients, clip paths, masks and filters on strokes
     """
 
@@ -133,13 +159,16 @@ class ElementReader:
         self.strokes: list[StrokeElement] = []
         self.metadata = Metadata()
         self.offset_points: dict[str, str] = {}
-        self.hidden = self.foreign_shapes = self.effects = 0
+        self.hidden = self.foreign_shapes = self.lost_tones = self.effects = 0
         self._states: list[State] = []  # of the open elements
         self._xml = SaxReader(self._start, self._end, self.metadata.text)
 
     def read(self, data: bytes) -> None:
         """Read a document. Raises ValueError where it is damaged, unsafe, too large or too new."""
         self._xml.walk(data)
+        shown = [stroke for stroke in self.strokes if stroke.shapes or not stroke.of_shapes]
+        self.hidden += len(self.strokes) - len(shown)
+        self.strokes = shown
 
     def _start(self, namespace: str, tag: str, attributes: dict[str, str]) -> None:
         self.metadata.start(namespace, tag, attributes)
@@ -155,7 +184,8 @@ class ElementReader:
 
     def _end(self) -> None:
         self.metadata.end()
-        stroke = self._states.pop().stroke
+        state = self._states.pop()
+        stroke = state.group.stroke if state.group is not None else state.stroke
         if stroke is not None and (not self._states or self._states[-1].stroke is None):
             stroke.end = self._xml.place
 
@@ -173,30 +203,81 @@ class ElementReader:
             _add_shape(above.stroke, tag, attributes, state)
             return state
         state.rendered &= not is_flat(state.matrix)
-        if is_stroke and state.shown:
-            return self._enter_stroke(tag, attributes, state)
-        if is_stroke:
+        if is_stroke and not state.shown and Data.MARGIN not in attributes:
             self.hidden += 1
             return State(skipped=True)
+        if is_stroke and tag in ("path", "image") and Data.MARGIN in attributes:
+            above.shapes_of = self._enter_shapes(tag, attributes, state)
+            return self._enter_shape(tag, attributes)
+        if is_stroke:
+            return self._enter_stroke(tag, attributes, state)
         if tag in GROUPS:
+            if attributes.get("class") == STROKE_CLASS:
+                state.group = StrokeGroup(attributes.get("id", ""), *self._place(above))
             return state
+        if TONE_CLASS in attributes.get("class", "").split() and tag == "path":
+            return self._enter_shape(tag, attributes)
         behind = attributes.get("id") == PAPER_ID or Data.HIDDEN in attributes
         self.foreign_shapes += tag in SHAPES and state.shown and not behind
         return State(skipped=True)
 
-    def _enter_stroke(self, tag: str, attributes: dict[str, str], state: State) -> State:
-        if len(self.strokes) >= MAX_STROKES:
-            raise ValueError(f"more than {MAX_STROKES} strokes: simplify the drawing first")
-        above = self._states[-1]
+    def _place(self, above: State) -> tuple[int, int, bool]:
+        """Line and byte of what is being read, and whether what is around it changes its look."""
         still = above.matrix == IDENTITY and above.opacity == above.fill_opacity == 1.0
-        stroke = StrokeElement(
-            attributes.get("id", ""), attributes, state, self._xml.line, self._xml.place, not still
-        )
-        self.strokes.append(stroke)
+        return self._xml.line, self._xml.place, not still
+
+    def _enter_stroke(self, tag: str, attributes: dict[str, str], state: State) -> State:
+        """A stroke whose data stand on its own element, which is its group or its outline."""
+        place = self._place(self._states[-1])
+        stroke = self._add(StrokeElement(attributes.get("id", ""), attributes, state, *place))
         # what is inside is told from it, not from the page
         state = replace(state, matrix=IDENTITY, opacity=1.0, stroke=stroke)
         _add_shape(stroke, tag, attributes, state)
         return state
+
+    def _enter_shapes(self, tag: str, attributes: dict[str, str], own: State) -> StrokeElement:
+        """A stroke whose data stand on the first of its shapes, which is being read.
+
+        Its own group may be gone: Inkscape's Ungroup leaves the shapes, with what they have; svgo
+        gives what the group had to an image.
+        """
+        above = self._states[-1]
+        group, name = above.group, attributes.get("id", "")
+        if tag == "image":
+            above = replace(above, fill=own.fill, fill_opacity=own.fill_opacity, group=None)
+        if group is None or group.stroke is not None:
+            place = self._place(above)
+            return self._add(
+                StrokeElement(name, attributes, above, *place, of_shapes=True, loose=tag != "image")
+            )
+        group.stroke = StrokeElement(
+            group.id,
+            attributes,
+            above,
+            group.line,
+            group.begin,
+            group.inherits_look,
+            of_shapes=True,
+        )
+        return self._add(group.stroke)
+
+    def _enter_shape(self, tag: str, attributes: dict[str, str]) -> State:
+        """A shape of the stroke whose data stood on it, or on the last such shape beside it."""
+        above = self._states[-1]
+        stroke = above.shapes_of
+        state = _inherit(replace(above, matrix=IDENTITY, opacity=1.0), attributes)
+        if stroke is not None:
+            _add_shape(stroke, tag, attributes, state)
+        elif state.shown:
+            self.foreign_shapes += 1
+            self.lost_tones += 1
+        return State(skipped=True)
+
+    def _add(self, stroke: StrokeElement) -> StrokeElement:
+        if len(self.strokes) >= MAX_STROKES:
+            raise ValueError(f"more than {MAX_STROKES} strokes: simplify the drawing first")
+        self.strokes.append(stroke)
+        return stroke
 
 
 def _check_version(attributes: Mapping[str, str]) -> None:

@@ -25,7 +25,7 @@ from ..geometry.bezier import flatten
 from ..geometry.curves import KINDS, arc, arc_length, kind_named
 from ..geometry.parts import part_name
 from .centre_lines import EFFECT
-from .format import INKSCAPE_NAMESPACE, LIMITS, STROKE_CLASS, TRACK_NAME, Data
+from .format import DATA, INKSCAPE_NAMESPACE, LIMITS, STROKE_CLASS, TONE_CLASS, TRACK_NAME, Data
 from .kept import DrawnStroke
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
 from .markup import Element
@@ -52,9 +52,13 @@ ORIGINAL_PATH = INKSCAPE_NAMESPACE + "}original-d"
 # A stroke exactly as we write it: whatever is in it, it is markup that cannot run or load anything.
 _VALUE = r'="[^"<&]*"'
 _PAIR = re.compile(r" ([a-z:-]+)=\"([^\"<&]*)\"", re.IGNORECASE)
+_DATA = rf'{Data.PART}="[^"<]*"|data-ss-[a-z]+{_VALUE}'
+_TONE = (
+    rf'class="{TONE_CLASS}"|style="fill-opacity:[0-9.]+"|(?:d|fill|fill-opacity|transform){_VALUE}'
+)
 _CHILD = (
-    rf'<(path)((?: (?:d|fill|fill-opacity|transform){_VALUE}| style="fill-opacity:[0-9.]+")+) ?/>'
-    rf"|<(image)((?: (?:x|y|width|height|preserveAspectRatio|xlink:href){_VALUE})+) ?/>"
+    rf"<(path)((?: (?:{_TONE}|{_DATA}))+) ?/>"
+    rf"|<(image)((?: (?:(?:x|y|width|height|preserveAspectRatio|xlink:href){_VALUE}|{_DATA}))+) ?/>"
 )
 _CHILDREN = re.compile(_CHILD)
 _STROKE = re.compile(
@@ -140,6 +144,8 @@ def read_strokes(
         drawn=None,
     )  # fmt: skip
     stroke.strip = _strip(element, stroke, baked[0], budget)
+    if element.loose and stroke.strip is not None:
+        stroke.color[:3] = _mean_ink(stroke.strip)
     as_written = state.matrix == IDENTITY and state.opacity == 1.0 and baked == [IDENTITY]
     if as_written and not element.inherits_look:
         stroke.drawn = drawn
@@ -160,6 +166,12 @@ def _color(element: StrokeElement) -> np.ndarray:
     if state.fill == "none":
         color[3] = 0.0
     return color
+
+
+def _mean_ink(strip: np.ndarray) -> np.ndarray:
+    """The colour (3,) in [0, 1] of what a strip (n, A, 4) shows, on the whole; black of nothing."""
+    opacity = strip[..., 3:] / 255.0
+    return (strip[..., :3] * opacity).sum(axis=(0, 1)) / max(255.0 * opacity.sum(), 1e-9)
 
 
 def _margin(text: str) -> float:
@@ -342,7 +354,7 @@ def baked_transforms(element: StrokeElement, closed: bool) -> list[Affine]:
         then = _landmarks(places)
         if first.tag == "image":
             return [_baked_into_image(first, then)]
-        merged = first.attributes is element.attributes
+        merged = first.attributes is element.attributes and not element.of_shapes
         rings = 2 if closed else 1  # in an outline
         return _baked_into_path(first, then, float(area), rings if merged else 0)
     except ValueError:
@@ -430,22 +442,32 @@ def drawn_stroke(
 
 def _own_element(data: bytes, element: StrokeElement) -> Element | None:
     # of an end tag, expat gives where it begins; of an empty element, the place behind it
-    shapes = element.shapes
-    empty = data.endswith(b"/>", 0, element.end) and (
-        not shapes or shapes[0].attributes is element.attributes
-    )
+    if element.loose:
+        return None
+    itself = not element.shapes or element.shapes[0].attributes is element.attributes
+    empty = data.endswith(b"/>", 0, element.end) and itself and not element.of_shapes
     end = element.end if empty else data.find(b">", element.end) + 1
     match = _STROKE.fullmatch(data[element.begin : end].decode("ascii", "replace"))
     if match is None:
         return None
+    children = _own_children(match[3] or "")
+    if children is None:
+        return None
     attributes = dict(_PAIR.findall(match[2]))
+    if element.of_shapes:
+        attributes |= {name: children[0].attributes.pop(name) for name in _data_names(children[0])}
+    if any(map(_data_names, children)):  # of another stroke
+        return None
     is_stroke = attributes.pop("class", "") == STROKE_CLASS
     for name in ("id", Data.PART, Data.TRACK, "inkscape:path-effect"):
         attributes.pop(name, None)
     if not is_stroke or "fill" not in attributes or not set(attributes) <= _KEPT_NAMES:
         return None
-    children = _own_children(match[3] or "")
-    return None if children is None else Element(match[1], attributes, children)
+    return Element(match[1], attributes, children)
+
+
+def _data_names(element: Element) -> list[str]:
+    return [name for name in element.attributes if name.startswith(DATA)]
 
 
 def _own_children(text: str) -> tuple[Element, ...] | None:
@@ -455,5 +477,6 @@ def _own_children(text: str) -> tuple[Element, ...] | None:
         attributes = dict(_PAIR.findall(of_path or of_image))
         if image and not _IMAGE.fullmatch(attributes.get("xlink:href", "")):
             return None
+        attributes.pop("class", "")
         children.append(Element(path or image, attributes))
     return tuple(children)

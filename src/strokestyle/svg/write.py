@@ -27,6 +27,7 @@ from .centre_lines import EFFECT, effect, plotter_svg, power_strokes
 from .document import LayerItem, Page, document, drawing_data, layered
 from .format import (
     CURVE_CLASS,
+    DATA,
     LANDMARK_DECIMALS,
     MARGIN_DECIMALS,
     PATH_SLACK,
@@ -34,6 +35,7 @@ from .format import (
     STRIP_LEVELS,
     STRIP_LEVELS_FEW,
     STROKE_CLASS,
+    TONE_CLASS,
     TONE_UNIT,
     TRACK_NAME,
     WIDTH_DECIMALS,
@@ -74,8 +76,8 @@ def write_svg(
         s000, s001 ... in painting order; of a drawing of an animation, by their tracks
     kept : `SvgFile.kept` of the file that the drawing comes from: strokes that nobody changed since
         are written as they were in it
-    strips : write every stroke's strip, as `data-ss-strip` where it can be read off what is drawn:
-        for `page_html`
+    strips : write every stroke's strip, as `data-ss-strip` where it can be read off what is drawn,
+        and all data on its outermost element: for `page_html`
     changes : fields of SvgOptions, in place of those of `options`
 
     Raises
@@ -96,7 +98,7 @@ def write_svg(
         told = _told_strips(drawing, options, strokes, new, strips)
         strokes |= {i: _with_attributes(strokes[i], strip) for i, strip in told.items()}
     names = _names(order, ids or _ids_of_tracks(drawing.track), drawing.parts is not None)
-    items = [_item(drawing, i, names[i], strokes[i]) for i in order.tolist()]
+    items = [_item(drawing, i, names[i], strokes[i], strips) for i in order.tolist()]
     layers = options.layers
     content = [item.element for item in items] if layers == "none" else layered(items, layers)
     effects = [
@@ -165,7 +167,7 @@ def _told_strips(
     }
 
 
-def _item(drawing: Drawing, i: int, name: str, stroke: DrawnStroke) -> LayerItem:
+def _item(drawing: Drawing, i: int, name: str, stroke: DrawnStroke, strips: bool) -> LayerItem:
     part = "" if drawing.parts is None else drawing.parts.name(i)
     given = {"id": name, "class": STROKE_CLASS, **stroke.element.attributes}
     if part:
@@ -176,12 +178,27 @@ def _item(drawing: Drawing, i: int, name: str, stroke: DrawnStroke) -> LayerItem
     if stroke.offset_points:
         given["inkscape:path-effect"] = f"#{EFFECT}{name}"
     kind = KINDS[drawing.strokes.kind[i]]
-    inside = stroke.element.children
-    if any(shape.tag == "path" for shape in inside):
+    element = replace(stroke.element, attributes=given)
+    if not strips:
+        element = _with_data_on_first_shape(element)
+    if any(shape.tag == "path" for shape in element.children):
         # a stroke that was scaled keeps its transform: where there are but paths, svgo works it
         # into theirs, and rounds the product to as many decimals as it had (1.5 x .15 is .2)
-        inside = (Element("desc", {}, text=kind), *inside)
-    return LayerItem(replace(stroke.element, attributes=given, children=inside), kind, part)
+        named = (Element("desc", {}, text=kind), *element.children)
+        element = replace(element, children=named)
+    return LayerItem(element, kind, part)
+
+
+def _with_data_on_first_shape(stroke: Element) -> Element:
+    """A stroke whose group may be taken apart: its data stand on the first shape in it."""
+    if not stroke.children:
+        return stroke
+    group = {k: value for k, value in stroke.attributes.items() if not k.startswith(DATA)}
+    data = {k: value for k, value in stroke.attributes.items() if k.startswith(DATA)}
+    first, *others = stroke.children
+    shapes = [replace(first, attributes=data | first.attributes)]
+    shapes += [replace(tone, attributes={"class": TONE_CLASS} | tone.attributes) for tone in others]
+    return replace(stroke, attributes=group, children=tuple(shapes))
 
 
 def resolve_texture(drawing: Drawing, options: SvgOptions, ink: Inks | None = None) -> SvgOptions:

@@ -1,6 +1,7 @@
 // Our own SVG, read and written anew. The file is parsed as data and never put into the page.
 
 const { ATTRIBUTES, PAPER_ID, PATH_SLACK, WIDTH_SLACK } = CONSTANTS.format;
+const { DATA, STROKE_CLASS, TONE_CLASS } = CONSTANTS.format;
 const { SHARE_DECIMALS, WIDTH_DECIMALS, LANDMARK_DECIMALS } = CONSTANTS.format;
 const { IMAGE_LEVELS_GRAIN, IMAGE_LEVELS_SOFT, IMAGE_COLORS } = CONSTANTS.format;
 const { STRIP_LEVELS, STRIP_LEVELS_FEW, STRIP_COLORS } = CONSTANTS.format;
@@ -203,7 +204,9 @@ function ringsText(rings, decimals) {
  */
 async function writeDrawing(drawing, marks) {
   if (marks.every((mark) => mark && !mark.changed))
-    return drawing.text.replace(new RegExp(` ${ATTRIBUTES.STRIP}="[^"]*"`, "g"), "");
+    return withDataOnShapes(
+      drawing.text.replace(new RegExp(` ${ATTRIBUTES.STRIP}="[^"]*"`, "g"), ""),
+    );
   const xml = drawing.xml.cloneNode(true);
   const elements = Array.from(xml.querySelectorAll(`[${ATTRIBUTES.PATH}]`));
   const anew = marks.filter((mark) => mark?.changed && mark.strip);
@@ -217,7 +220,22 @@ async function writeDrawing(drawing, marks) {
   const written = new XMLSerializer()
     .serializeToString(xml.documentElement)
     .replaceAll(` ${SLEEPING}=`, " style=");
-  return `<?xml version="1.0" encoding="utf-8"?>\n${written}\n`;
+  return withDataOnShapes(`<?xml version="1.0" encoding="utf-8"?>\n${written}\n`);
+}
+
+/**
+ * The text of a drawing with each stroke's data on the first shape in its group, as files have it:
+ * there they outlast Inkscape's Ungroup. The page has all on the group.
+ */
+function withDataOnShapes(text) {
+  const group = `(<g\\b[^<>]* class="${STROKE_CLASS}"[^<>]*>)`;
+  const stroke = new RegExp(`${group}((?:\\s*<desc>[^<]*</desc>)?\\s*<(?:path(?: d="[^"]*")?|image))([^]*?</g>)`, "g");
+  const attribute = new RegExp(` ${DATA}[a-z]+="[^"]*"`, "g");
+  return text.replace(stroke, (_, head, first, rest) => {
+    const data = head.match(attribute) ?? [];
+    const others = rest.replaceAll("<path ", `<path class="${TONE_CLASS}" `);
+    return head.replaceAll(attribute, "") + first + data.join("") + others;
+  });
 }
 
 function removeStroke(element) {
