@@ -1,13 +1,14 @@
 """`strokestyle edit`: edits as text, and the command that makes them."""
 
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image
-from svg_programs import NAMES, small, with_parts
+from svg_programs import GOLDEN, NAMES, small, with_parts
 
 from strokestyle.cli import main
 from strokestyle.cli.edit_text import NamedDrawing, parse_edit, strokes_named
@@ -246,10 +247,20 @@ def test_a_preview_and_what_is_left_out(drawn, tmp_path):
         (["in.svg", "-o", "o.svg", "--page-size", "A99"], 2, "page size"),
         (["other.svg", "-o", "o.svg"], 1, "no strokes in it that strokestyle wrote"),
         (["other.svg", "-o", "o.svg"], 1, "render --curves"),
+        (["in.svg", "-o", "o.svg", "--drop", "<9999"], 1, "takes out all 5 strokes"),
+        (["bare.svg", "-o", "o.svg"], 1, "its 5 shapes lack the data"),
+        (["hidden.svg", "-o", "o.svg"], 1, "all its strokes, 5, are hidden"),
+        (["hidden3.svg", "-o", "o.svg"], 1, "all its strokes, 5, are hidden"),
+        (["empty.svg", "-o", "o.svg"], 1, "an empty drawing"),
     ],
 )
 def test_wrong_use_is_one_line(drawn, tmp_path, monkeypatch, args, code, words):
     (tmp_path / "other.svg").write_text('<svg><path d="M0 0h9"/></svg>')
+    text = drawn.read_text()
+    (tmp_path / "bare.svg").write_text(re.sub(' data-ss-path="[^"]*"', "", text))
+    for name, made in (("hidden", text), ("hidden3", (GOLDEN / "format3.svg").read_text())):
+        (tmp_path / f"{name}.svg").write_text(made.replace('id="layer', 'display="none" id="layer'))
+    (tmp_path / "empty.svg").write_text('<svg data-ss-format="4" data-ss-size="9 9"/>')
     monkeypatch.chdir(tmp_path)
     result = run(*args)
     assert result.exit_code == code and words in result.stderr and not (tmp_path / "o.svg").exists()

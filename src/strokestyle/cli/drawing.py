@@ -10,10 +10,17 @@ if TYPE_CHECKING:
 
 
 def read_drawing(file: str) -> SvgFile:
-    """Read an SVG of ours; - is standard input. Errors say which option reads other SVGs."""
+    """Read an SVG of ours; - is standard input. Errors say which option reads other SVGs.
+
+    Raises ValueError, too, where no stroke in it is shown.
+    """
     from ..svg.read import NoStrokesError, read_svg_file
 
     try:
-        return read_svg_file(sys.stdin.buffer.read() if file == "-" else file)
+        found = read_svg_file(sys.stdin.buffer.read() if file == "-" else file)
     except NoStrokesError as error:
         raise ValueError(f"{error}: see render --curves") from None
+    if not len(found.drawing.strokes):
+        hidden = f"all its strokes, {found.hidden}, are hidden: show them first"
+        raise ValueError(f"{file}: {hidden if found.hidden else 'an empty drawing: no strokes'}")
+    return found

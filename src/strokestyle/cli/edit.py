@@ -173,6 +173,8 @@ def edit(
     with timed("read the drawing"):
         found = read_drawing(drawing)
     edited = make_edits(edits, NamedDrawing(found.drawing, found.ids), seed)
+    if not edited.ids:
+        raise ValueError(f"{drawing}: --drop takes out all {len(found.ids)} strokes: drop fewer")
     with timed("write the SVG"):
         text = write_svg(edited.drawing, found.options, ids=edited.ids, kept=found.kept, **look)
     write_svg_text(output, text)
@@ -192,7 +194,8 @@ def left_out(found: SvgFile) -> str:
     """What of a file an edit does not keep, for the user: "; left out: shapes 2", or nothing."""
     counts = {
         "hidden strokes": found.hidden,
-        "shapes": found.foreign_shapes,
+        "shapes": found.foreign_shapes - found.lost_tones,
+        "tones without their stroke's first": found.lost_tones,
         "clips, gradients, filters": found.effects,
     }
     lost = ", ".join(f"{what} {n}" for what, n in counts.items() if n)

@@ -103,11 +103,8 @@ def _read(data: bytes) -> SvgFile:
     data = limited(data)
     found = ElementReader()
     found.read(data)
-    if not found.strokes and not (Data.SIZE in found.root or found.hidden):
-        raise NoStrokesError(
-            "no strokes in it that strokestyle wrote; curves of other programs can be rendered, "
-            "not edited or viewed"
-        )
+    if not (found.strokes or found.hidden):
+        _check_emptiness(found)
     size, origin = _canvas(found.root)
     strokes, ids = _strokes(data, found, origin)
     options = _options(found, any(stroke.strip is not None for stroke in strokes))
@@ -117,6 +114,23 @@ def _read(data: bytes) -> SvgFile:
         drawing, tuple(ids), options, kept,
         found.hidden, found.foreign_shapes, found.lost_tones, found.effects,
     )  # fmt: skip
+
+
+def _check_emptiness(found: ElementReader) -> None:
+    """Raise NoStrokesError unless a document without strokes is an empty drawing of ours."""
+    ours = Data.SIZE in found.root or Data.FORMAT in found.root or found.lost_tones
+    if not ours:
+        raise NoStrokesError(
+            "no strokes in it that strokestyle wrote; curves of other programs can be rendered, "
+            "not edited or viewed"
+        )
+    if found.foreign_shapes:
+        raise NoStrokesError(
+            f"no strokes in it: its {found.foreign_shapes} shapes lack the data that strokestyle "
+            f"wrote ({Data.PATH}). Ungroup in Inkscape loses those of textures of version 0.2 and "
+            "before, cleaning programs lose any: go back to the file before that; outlines can be "
+            "rendered"
+        )
 
 
 def _strokes(

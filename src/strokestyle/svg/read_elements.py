@@ -203,12 +203,12 @@ class ElementReader:
             _add_shape(above.stroke, tag, attributes, state)
             return state
         state.rendered &= not is_flat(state.matrix)
-        if is_stroke and not state.shown and Data.MARGIN not in attributes:
-            self.hidden += 1
-            return State(skipped=True)
         if is_stroke and tag in ("path", "image") and Data.MARGIN in attributes:
             above.shapes_of = self._enter_shapes(tag, attributes, state)
             return self._enter_shape(tag, attributes)
+        if is_stroke and not state.shown:
+            self.hidden += 1
+            return State(skipped=True)
         if is_stroke:
             return self._enter_stroke(tag, attributes, state)
         if tag in GROUPS:
