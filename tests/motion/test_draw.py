@@ -222,7 +222,7 @@ def test_the_tones_of_a_track_are_those_of_all_frames_and_all_frames_are_written
     ]
     texts = list(write_frames(draw_frames(style, frames), tones=2))
     assert ["texture=vector" in text for text in texts] == [False] + [True] * 5
-    opacities = [text.split("fill-opacity:")[1:] for text in texts[1:]]
+    opacities = [text.split("fill-opacity=")[1:] for text in texts[1:]]
     assert len({tuple(part.split('"')[1] for part in some) for some in opacities}) == 1
     assert [read_svg(text).track for text in texts] == [None] + [("0",)] * 5
     assert all('id="s000"' in text for text in texts[1:])

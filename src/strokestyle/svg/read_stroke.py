@@ -53,9 +53,7 @@ ORIGINAL_PATH = INKSCAPE_NAMESPACE + "}original-d"
 _VALUE = r'="[^"<&]*"'
 _PAIR = re.compile(r" ([a-z:-]+)=\"([^\"<&]*)\"", re.IGNORECASE)
 _DATA = rf'{Data.PART}="[^"<]*"|data-ss-[a-z]+{_VALUE}'
-_TONE = (
-    rf'class="{TONE_CLASS}"|style="fill-opacity:[0-9.]+"|(?:d|fill|fill-opacity|transform){_VALUE}'
-)
+_TONE = rf'class="{TONE_CLASS}"|style="opacity:1"|(?:d|fill|fill-opacity|transform){_VALUE}'
 _CHILD = (
     rf"<(path)((?: (?:{_TONE}|{_DATA}))+) ?/>"
     rf"|<(image)((?: (?:(?:x|y|width|height|preserveAspectRatio|xlink:href){_VALUE}|{_DATA}))+) ?/>"

@@ -404,14 +404,15 @@ def _tone_paths(shapes: list[ToneShape], ink: np.ndarray) -> tuple[Element, ...]
 
     So programs see the stroke's fill in use.
     """
-    unit = f"scale({number(TONE_UNIT, 4)})"  # svgo works it into the numbers where no style is
+    # svgo works a transform into every number of a path that has no style; MuPDF does not know
+    # all that may be said in one, so this says nothing
+    unit = {"style": "opacity:1", "transform": f"scale({number(TONE_UNIT, 4)})"}
     stray = [float(np.abs(shape.color - ink).max()) for shape in shapes]
     paths = []
     for shape, off in zip(shapes, stray, strict=True):
         same = off < SAME_INK or off == min(stray) < NEAR_INK
         fill = {} if same else {"fill": hex_color(shape.color)}
-        opacity = f"fill-opacity:{number(shape.opacity, 2)}"
-        fill |= {"style": opacity, "transform": unit, "d": shape.d}
+        fill |= {"fill-opacity": number(shape.opacity, 2), **unit, "d": shape.d}
         paths.append(Element("path", fill))
     return tuple(paths)
 

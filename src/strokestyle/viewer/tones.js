@@ -280,7 +280,8 @@ function writeTones(element, tones) {
     const path = element.ownerDocument.createElementNS(SVG, "path");
     const hex = color.map((byte) => byte.toString(16).padStart(2, "0")).join("");
     path.setAttribute("fill", `#${hex}`);
-    path.setAttribute(SLEEPING, `fill-opacity:${numberText(opacity, 2)}`);
+    path.setAttribute("fill-opacity", numberText(opacity, 2));
+    path.setAttribute(SLEEPING, "opacity:1");
     path.setAttribute("transform", `scale(${numberText(TONE_UNIT, 4)})`);
     path.setAttribute("d", d);
     element.append("\n", path);
