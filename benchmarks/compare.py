@@ -389,6 +389,11 @@ def main() -> None:
         )
         files = Path(folder, "files")
         files.mkdir()
+        # modules are compiled once, as where they are installed
+        os.environ["PYTHONPYCACHEPREFIX"] = str(Path(folder, "compiled"))
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+        for each in (old, new):
+            each.run("extract", ROOT / "examples/shapes/teapot.ply", "-o", each.folder / "x.svg")
         for name in args.rows:
             compare(ROWS[name], old, new, files, args.runs)
 

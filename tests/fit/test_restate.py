@@ -4,10 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.signal import find_peaks
 from scipy.spatial import cKDTree
 
 from strokestyle.fit.exemplar import separate
-from strokestyle.fit.restate import find_passes
+from strokestyle.fit.restate import find_passes, peaks_of
 from strokestyle.geometry.curves import KINDS, Curves
 from strokestyle.render.displacement import across_strokes
 from strokestyle.render.plan import plan_strokes
@@ -137,3 +138,12 @@ def test_gaps_between_passes_are_not_closed_as_grain_is():
     exemplar = separate(scan)
     opened = found.lines(exemplar).mask
     assert opened.sum() < 1.1 * alpha.sum() < 0.95 * exemplar.mask.sum()
+
+
+def test_peaks_are_those_of_scipy():
+    rng = np.random.default_rng(0)
+    for _ in range(300):  # few levels: plateaus, and peaks of one height
+        row = rng.integers(0, 6, rng.integers(1, 30)).astype(float)
+        height, prominence = rng.integers(0, 5), rng.integers(0, 4)
+        found, _ = find_peaks(row, height=height, prominence=prominence)
+        assert peaks_of(row, height, prominence).tolist() == found.tolist()

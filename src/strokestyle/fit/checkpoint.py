@@ -21,6 +21,7 @@ import numpy as np
 import torch
 
 from ..files import write_bytes
+from .adam import OneCycleAdam
 
 FORMAT = 2
 # what torch.load and the reading of what it returns raise on files that are no checkpoints
@@ -31,7 +32,7 @@ DAMAGE = (
 WRITING = 50  # times as long as a write took is at least waited until the next one
 
 Learned = torch.nn.Module | torch.Tensor
-Training = torch.optim.Optimizer | torch.optim.lr_scheduler.LRScheduler
+Training = torch.optim.Optimizer | torch.optim.lr_scheduler.LRScheduler | OneCycleAdam
 
 
 class Checkpoint:

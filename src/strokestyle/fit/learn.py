@@ -23,6 +23,7 @@ from ..render.overshoots import Overshoots
 from ..render.plan import Planned, lift
 from ..render.residuals import Residuals
 from ..render.style import Style, SumOfCurves
+from .adam import OneCycleAdam
 from .align import Alignment, align
 from .checkpoint import Checkpoint
 from .config import FitConfig
@@ -51,6 +52,7 @@ ROUNDS = 20  # of reweighting
 OUTLIER = 0.5  # px of misfit beyond which an observation counts by its distance, not its square
 MIN_DEFORMATION = 0.3  # px rms, below which a deformation is not scaled up to compare with others
 WIDTH_OUTLIER = 0.2  # of log width: the same for the thickness
+WARM_UP = 0.2  # of the steps, until the one-cycle schedule is at its top
 CURVE_DECAY = 1e-3  # weight of the curves' squared weights
 TAKEN = 0.5  # of the mask, at a point that no ink was found for: what it holds is another stroke's
 MEETING = 30.0  # px along a stroke, where it only meets another
@@ -389,19 +391,15 @@ def learn_thickness(
         if known > 0
         else features.new_tensor(np.log(UNSEEN_THICKNESS))
     )
-    optimiser = torch.optim.Adam(network.parameters(), lr=config.rate)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, config.rate, total_steps=config.steps, pct_start=0.2
-    )
+    parameters = list(network.parameters())
+    adam = OneCycleAdam(parameters, [config.rate] * len(parameters), config.steps, WARM_UP)
     for step in range(config.steps):
-        optimiser.zero_grad(set_to_none=True)
         error = F.smooth_l1_loss(network(features), log_width, reduction="none", beta=WIDTH_OUTLIER)
         error = (confidence * error).sum() / max(known, 1.0)
         loss = error + config.sparsity * network.penalty()
         loss = loss + CURVE_DECAY * network.weight.square().sum()
         loss.backward()
-        optimiser.step()
-        schedule.step()
+        adam.step()
         report("thickness", step + 1, config.steps, {"error": error})
     return network
 

@@ -16,7 +16,8 @@ from ..render.coverage import coverage
 from ..render.displacement import Frame
 from ..render.plan import Planned
 from ..render.style import trim_invisible_ends
-from .checkpoint import Checkpoint, Training
+from .adam import OneCycleAdam
+from .checkpoint import Checkpoint
 from .config import FitConfig
 from .observe import Observation
 from .progress import Report
@@ -282,12 +283,8 @@ def optimise_strokes(
     """
     across = torch.zeros_like(start.log_width, requires_grad=True)
     widening = torch.zeros_like(start.log_width, requires_grad=True)
-    optimiser = torch.optim.Adam([{"params": [across]}, {"params": [widening]}], lr=0.1)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser,
-        [OFFSET_RATE, LOG_WIDTH_RATE],
-        total_steps=config.trace_steps,
-        pct_start=WARM_UP,
+    adam = OneCycleAdam(
+        [across, widening], [OFFSET_RATE, LOG_WIDTH_RATE], config.trace_steps, WARM_UP
     )
     trace_loss = TraceLoss(target, strokes, config.roughness)
 
@@ -295,14 +292,11 @@ def optimise_strokes(
         return Traced(start.xy + across[:, None] * strokes.normals, start.log_width + widening)
 
     learned = {"across": across, "widening": widening}
-    training: dict[str, Training] = {"optimiser": optimiser, "schedule": schedule}
-    with checkpoint.watch("trace", config.trace_steps, learned, training) as (remaining, passed):
+    with checkpoint.watch("trace", config.trace_steps, learned, {"adam": adam}) as (remaining, passed):
         for step in remaining:
-            optimiser.zero_grad(set_to_none=True)
             loss, misfit = trace_loss(moved(), across, widening)
             loss.backward()
-            optimiser.step()
-            schedule.step()
+            adam.step()
             passed()
             report("trace", step, config.trace_steps, {"mask": misfit})
     with torch.no_grad():
