@@ -16,7 +16,7 @@ BETA, EPSILON = 0.999, 1e-8  # of the mean square, as Kingma and Ba 2015 have it
 # Smith and Topin 2018: the rate rises to its top and falls to almost nothing, along cosines, while
 # the momentum does the reverse
 FIRST, LAST = 1 / 25, 1 / 25e4  # of the rate at the top
-MOMENTUM = 0.95, 0.85  # at the cycle's ends, and at its top
+MOMENTUM = 0.95, 0.85  # at ends and top of the cycle
 
 
 class OneCycleAdam:
@@ -59,13 +59,12 @@ class OneCycleAdam:
     def _schedule(self) -> tuple[float, float]:
         """The learning rate of the next step, of that at the top, and the momentum."""
         top = self.warm_up * self.steps - 1
-        if self.done <= top:
-            place, first, last = self.done / max(top, 1e-9), (FIRST, MOMENTUM[0]), (1, MOMENTUM[1])
-        else:
-            place = (self.done - top) / max(self.steps - 1 - top, 1e-9)
-            first, last = (1, MOMENTUM[1]), (LAST, MOMENTUM[0])
-        weight = 0.5 * (1 + np.cos(np.pi * place))  # of the first
-        return tuple(float(b + (a - b) * weight) for a, b in zip(first, last, strict=True))
+        rising = self.done <= top
+        place = self.done / max(top, 1e-9) if rising else (self.done - top) / (self.steps - 1 - top)
+        weight = 0.5 * (1 - np.cos(np.pi * place))  # of the top, while it rises
+        weight, end = (weight, FIRST) if rising else (1 - weight, LAST)
+        low, high = MOMENTUM
+        return float(end + (1 - end) * weight), float(low + (high - low) * weight)
 
     def state_dict(self) -> dict[str, Any]:
         return {"done": self.done, "mean": list(self.mean), "square": list(self.square)}

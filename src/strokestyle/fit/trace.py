@@ -292,7 +292,10 @@ def optimise_strokes(
         return Traced(start.xy + across[:, None] * strokes.normals, start.log_width + widening)
 
     learned = {"across": across, "widening": widening}
-    with checkpoint.watch("trace", config.trace_steps, learned, {"adam": adam}) as (remaining, passed):
+    with checkpoint.watch("trace", config.trace_steps, learned, {"adam": adam}) as (
+        remaining,
+        passed,
+    ):
         for step in remaining:
             loss, misfit = trace_loss(moved(), across, widening)
             loss.backward()
