@@ -219,35 +219,11 @@ def test_power_strokes_have_skeleton_and_widths():
         effect = effects[path.get(f"{INKSCAPE}path-effect")[1:]]
         assert effect.get("effect") == "powerstroke" and effect.get("id") == "lpe-" + path.get("id")
         pairs = np.array([p.split(",") for p in effect.get("offset_points").split(" | ")], float)
-        assert (np.diff(pairs[:, 0]) > 0).all() and pairs[:, 1].max() == pytest.approx(
-            2.5 if len(pairs) > 9 else 2, abs=1.0
-        )
-        nodes = len(re.findall(r"-?[\d.]+", path.get(f"{INKSCAPE}original-d"))) // 6
-        assert pairs[-1, 0] <= nodes + 1
+        assert (np.diff(pairs[:, 0]) > 0).all() and 1 <= pairs[:, 1].max() <= 3.5
+        nodes = len(re.findall(r"-?[\d.]+", path.get(f"{INKSCAPE}original-d"))) // 6 + 1
+        nodes -= path.get("data-ss-closed") == "1"
+        assert set(range(nodes)) <= set(pairs[:, 0].tolist()) and pairs[-1, 0] <= nodes
     assert "lpe" not in write_svg(drawing)
-
-
-def test_inkscape_makes_the_same_of_a_power_stroke(tmp_path):
-    if not shutil.which("inkscape"):
-        pytest.skip("no program: inkscape is not installed")
-    text = write_svg(small(None), inkscape_lpe=True)
-    blank = re.sub(r' d="[^"]*"', ' d="M0 0h1"', text)  # so that what is seen is Inkscape's own
-    (tmp_path / "a.svg").write_text(blank)
-    nudge = "select-all:all;transform-translate:1,0;transform-translate:-1,0;"
-    actions = (
-        nudge
-        + f"export-type:png;export-background:white;export-filename:{tmp_path / 'a.png'};export-do"
-    )
-    done = subprocess.run(
-        ["inkscape", str(tmp_path / "a.svg"), f"--actions={actions}"],
-        capture_output=True,
-        timeout=120,
-    )
-    if done.returncode or not (tmp_path / "a.png").exists():
-        pytest.skip("no program: inkscape does not run")
-    made = np.asarray(Image.open(tmp_path / "a.png").convert("L")).astype(float)
-    ours = rendered(text)
-    assert np.abs(made - ours).mean() < 0.06 * (255 - ours).mean()
 
 
 def test_a_power_stroke_that_inkscape_moved_is_read_where_it_went():

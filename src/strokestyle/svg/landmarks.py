@@ -16,6 +16,7 @@ from .path_data import SPACE, parse_path
 ROUNDING = 0.01
 # of a path's length, that its landmarks may be off after svgo rounded every piece of it
 SLIP = 1e-4
+FINE = 8  # pieces of a fine polyline for each cubic
 
 
 def first_line(d: str) -> np.ndarray:
@@ -31,9 +32,9 @@ def first_line(d: str) -> np.ndarray:
 
 
 def fine_line(segments: Sequence[Segment] | np.ndarray) -> np.ndarray:
-    """Flatten the cubics of a subpath, (K, 8) or (K, 4, 2), to a polyline (8 K + 1, 2)."""
+    """Flatten the cubics of a subpath, (K, 8) or (K, 4, 2), to a polyline (FINE K + 1, 2)."""
     p = np.array(segments).reshape(-1, 1, 4, 2)
-    t = (np.arange(8) + 1)[:, None] / 8
+    t = (np.arange(FINE) + 1)[:, None] / FINE
     s = 1 - t
     xy = (
         s**3 * p[:, :, 0]

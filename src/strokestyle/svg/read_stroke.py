@@ -24,12 +24,12 @@ from ..geometry.affine import (
 from ..geometry.bezier import flatten
 from ..geometry.curves import KINDS, arc, arc_length, kind_named
 from ..geometry.parts import part_name
-from .centre_lines import EFFECT
 from .format import DATA, INKSCAPE_NAMESPACE, LIMITS, STROKE_CLASS, TONE_CLASS, TRACK_NAME, Data
 from .kept import DrawnStroke
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
 from .markup import Element
 from .path_data import parse_numbers, parse_path
+from .power_stroke import EFFECT
 from .read_elements import StrokeElement, parse_share
 from .read_texture import (
     CHORD,

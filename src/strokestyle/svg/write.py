@@ -23,7 +23,7 @@ from ..drawing.strokes import Drawing, Strokes, order_of_kinds, paint_order
 from ..files import write_bytes
 from ..geometry.curves import KINDS, Curves, arc_length, simplify_all
 from ..geometry.parts import Parts
-from .centre_lines import EFFECT, effect, plotter_svg, power_strokes
+from .centre_lines import plotter_svg
 from .document import LayerItem, Page, document, drawing_data, layered
 from .format import (
     CURVE_CLASS,
@@ -48,6 +48,7 @@ from .ink import Inks, inks
 from .kept import DrawnStroke, Kept, kept_strokes
 from .landmarks import enclosed, fine_line, landmarks
 from .markup import Element, hex_color, number, numbers, polyline_path, printable, rings_path, units
+from .power_stroke import EFFECT, effect, power_strokes
 from .strip_image import strips_png
 from .tones import ToneShape, tone_shapes, tones
 
@@ -372,7 +373,7 @@ def png_from_svg(
 def _outlined(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
     """Strokes as their outlines."""
     skeletons = (
-        power_strokes(drawing, options, index.tolist())
+        power_strokes(drawing.strokes, options, index.tolist())
         if options.inkscape_lpe
         else [None] * len(index)
     )
