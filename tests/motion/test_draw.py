@@ -8,7 +8,7 @@ import pytest
 from strokestyle.drawing.strokes import paint_order
 from strokestyle.geometry.parts import Parts
 from strokestyle.motion.chance import Luck, TrackChance
-from strokestyle.motion.draw import draw_frames
+from strokestyle.motion.draw import draw_frames, steady_inks
 from strokestyle.render.features import FEATURES
 from strokestyle.render.quilt import synthesise
 from strokestyle.render.residuals import Residuals
@@ -335,3 +335,14 @@ def test_a_short_stroke_is_as_dark_as_in_a_drawing_of_its_own():
     still, _ = synthesise(style.bank, laid.strokes, laid.features, 1)
     moving = drawn(style, frames)[0].texture
     assert moving.rgba[..., 3].mean() == pytest.approx(still.rgba[..., 3].mean(), rel=0.03)
+
+
+def test_inks_are_smooth_over_the_end_of_a_loop():
+    dark, light = np.zeros((1, 4)), np.ones((1, 4))
+    frames = [([(1, 0)], dark if t < 6 else light) for t in range(12)]
+    inks = np.array([ink[0, 0] for ink in steady_inks(frames, loop=True)])
+    assert inks[0] == pytest.approx(inks[5], abs=1e-3) and inks[0] - inks[-1] > -0.2
+    assert steady_inks(frames)[0][0, 0] < 0.05
+    parted = [frame if t not in (3, 4) else ([], dark[:0]) for t, frame in enumerate(frames)]
+    parted = [ink[0, 0] for t, ink in enumerate(steady_inks(parted, True)) if t not in (3, 4)]
+    assert parted[0] > 0.2  # it was light before, at the end

@@ -58,6 +58,8 @@ def test_a_line_that_appears_does_not_move_what_height_is_measured_by():
     tops = np.array([within.top for within in steady_ranges(frames, style.config.spacing)])
     assert tops[0] > 120 and tops[-1] < 40
     assert 0 < -np.diff(tops).min() < 0.15 * 140
+    loop = np.array([within.top for within in steady_ranges(frames, style.config.spacing, True)])
+    assert abs(loop[-1] - loop[0]) < 0.15 * 140  # nor from the last frame to the first
     empty = [a_frame(style), a_frame(style)]
     assert steady_ranges(empty, 3.0) == [None, None]
     assert steady_ranges([*empty, frames[0]], 3.0)[0] == pytest.approx(

@@ -513,7 +513,7 @@ def drawings(
         warn_of_kinds(shape.path, unknown_in_shot(shots[0], frames, style, shape))
         # those between two drawings are followed too: so lines are known again over smaller steps
         frames = frames[:: every * animation.exposure]
-        drawn = draw_frames(style, frames, animation.seed, animation.boil)
+        drawn = draw_frames(style, frames, animation.seed, animation.boil, animation.loops)
         yield from display.stage("drawing", drawn, len(frames))
         return
     if not options.get("still"):

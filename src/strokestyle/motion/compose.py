@@ -14,6 +14,7 @@ from ..render.style import Style
 from .candidates import Candidates
 from .frames import Frame
 from .growth import Grown
+from .places import Places
 from .reading import read_surface, surface_scale
 from .run_on import run_on
 from .sheets import PLANNED, Points
@@ -46,20 +47,24 @@ class Composed:
     ----------
     track, kind : int
     xy : (n, 2) px of the style's canvas, evenly spaced
-    rows : (n,) int, the point of the frame that each is nearest to
+    places : of its points on the surface
+    part_face : (n,) int, the face whose part a point belongs to
     place, presence : (n,)
     """
 
     track: int
     kind: int
     xy: np.ndarray
-    rows: np.ndarray
+    places: Places
+    part_face: np.ndarray
     place: np.ndarray
     presence: np.ndarray
 
     @classmethod
     def of(
         cls,
+        points: Points,
+        scale: float,
         stroke: Stroke,
         grown: Grown,
         xy: np.ndarray,
@@ -67,7 +72,10 @@ class Composed:
         kind: int,
         spacing: float,
     ) -> Composed:
-        """Space the points of a stroke evenly; xy (n, 2) and place (n,) are those of its points."""
+        """Space the points of a stroke evenly; xy (n, 2) and place (n,) are those of its points.
+
+        `points` are the frame's, and `scale` how many px of the canvas one of the style's is.
+        """
         kept = grown.rows
         xy, place = xy[kept], place[kept]
         s = arc(xy)
@@ -75,22 +83,24 @@ class Composed:
         nearest = np.rint(np.interp(at, s, np.arange(len(s)))).astype(np.int64)
         even = np.stack([np.interp(at, s, xy[:, k]) for k in (0, 1)], axis=1)
         values = (np.interp(at, s, value) for value in (place, grown.presence))
-        return cls(stroke.track, kind, even, stroke.rows[kept][nearest], *values)
+        rows = stroke.rows[kept][nearest]
+        places = points.places.take(rows)
+        places = replace(places, offset=places.offset + (even - points.xy[rows]) * scale)
+        return cls(stroke.track, kind, even, places, points.part_face[rows], *values)
 
 
-def make_frame(here: Candidates, style: Style, points: Points, strokes: list[Composed]) -> Frame:
+def make_frame(here: Candidates, style: Style, strokes: list[Composed]) -> Frame:
     """Make a frame of its strokes, which run on past their ends as far as the style may draw."""
 
     def each(name: str, nothing: np.ndarray) -> np.ndarray:
         return np.concatenate([nothing, *(getattr(stroke, name) for stroke in strokes)])
 
-    xy, rows = each("xy", np.zeros((0, 2))), each("rows", np.zeros(0, np.int64))
-    offsets = np.cumsum([0, *(len(stroke.rows) for stroke in strokes)])
+    xy = each("xy", np.zeros((0, 2)))
+    offsets = np.cumsum([0, *(len(stroke.xy) for stroke in strokes)])
     kind = np.array([stroke.kind for stroke in strokes], np.int8)
-    none = np.zeros(len(rows))
-    planned = Planned(xy, offsets, kind, np.zeros((len(rows), 2), np.int64), none, none)
-    places = points.places.take(rows)
-    places = replace(places, offset=places.offset + (xy - points.xy[rows]) * here.scale)
+    none = np.zeros(len(xy))
+    planned = Planned(xy, offsets, kind, np.zeros((len(xy), 2), np.int64), none, none)
+    places = Places.concatenate([Points.none().places, *(stroke.places for stroke in strokes)])
     bvh, spacing = here.bvh, style.config.spacing
     scale = surface_scale(here.shot, bvh)
     surface = read_surface(here.shot, bvh, planned, places, scale, spacing)
@@ -98,7 +108,7 @@ def make_frame(here: Candidates, style: Style, points: Points, strokes: list[Com
     parts = None
     if here.part_face is not None:
         depth = places.seen(here.shot)[1]
-        faces = points.part_face[rows]
+        faces = each("part_face", np.zeros(0, np.int64))
         parts = parts_of_faces(here.shot.surface, faces, depth).take(row)
     return Frame(
         here.shot.camera,

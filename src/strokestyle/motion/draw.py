@@ -28,7 +28,11 @@ INK_FRAMES = 3.0  # frames over which the ink of a track is smoothed
 
 
 def draw_frames(
-    style: Style, frames: Sequence[Frame], seed: int = 0, boil: float = 0.0
+    style: Style,
+    frames: Sequence[Frame],
+    seed: int = 0,
+    boil: float = 0.0,
+    loop: bool = False,
 ) -> Iterator[Drawing]:
     """Draw the frames of an animation one after the other.
 
@@ -43,6 +47,7 @@ def draw_frames(
     seed : another one gives other residuals, overshoots and texture
     boil : in [0, 1], the part of chance that every drawing has of its own, as drawings that follow
         each other in a film drawn by hand have; 0: none, 1: all of it
+    loop : the last frame goes over into the first, as `track_frames` was told
 
     Returns
     -------
@@ -55,11 +60,11 @@ def draw_frames(
     """
     if not 0.0 <= boil <= 1.0:
         raise ValueError(f"boil must lie between 0 and 1, got {boil:g}")
-    return _drawn(style, frames, Luck(seed, boil))
+    return _drawn(style, frames, Luck(seed, boil), loop)
 
 
-def _drawn(style: Style, frames: Sequence[Frame], luck: Luck) -> Iterator[Drawing]:
-    laid = _laid(style, frames, luck)
+def _drawn(style: Style, frames: Sequence[Frame], luck: Luck, loop: bool) -> Iterator[Drawing]:
+    laid = _laid(style, frames, luck, loop)
     bank = style.bank
     colors = [np.tile(style.color, (len(one.strokes), 1)) for one in laid]
     textures, points = None, []
@@ -67,7 +72,7 @@ def _drawn(style: Style, frames: Sequence[Frame], luck: Luck) -> Iterator[Drawin
         turned = turned_tracks(laid)
         points = [points_of(bank, one, turned) for one in laid]
         named = [(names_of(one), some) for one, some in zip(laid, points, strict=True)]
-        colors = steady_inks([(names, _inks(bank, some)) for names, some in named])
+        colors = steady_inks([(names, _inks(bank, some)) for names, some in named], loop)
         if not bank.flat and any(names for names, _ in named):
             textures = TrackTextures(bank, turned, named, luck)
     pieces = _PieceNames()
@@ -86,12 +91,12 @@ def _drawn(style: Style, frames: Sequence[Frame], luck: Luck) -> Iterator[Drawin
         yield drawing
 
 
-def _laid(style: Style, frames: Sequence[Frame], luck: Luck) -> list[Laid]:
+def _laid(style: Style, frames: Sequence[Frame], luck: Luck, loop: bool) -> list[Laid]:
     kinds = kinds_of_tracks(frames)
-    ranges = steady_ranges(frames, style.config.spacing)
+    ranges = steady_ranges(frames, style.config.spacing, loop)
     chance = TrackChance(luck, style.config.spacing)
     lifted = [lift_frame(style, frame, i, kinds, chance) for i, frame in enumerate(frames)]
-    cuts = steady_cuts(style, lifted)
+    cuts = steady_cuts(style, lifted, loop)
     return [lay_frame(style, one, i, ranges[i], cuts[i], chance) for i, one in enumerate(lifted)]
 
 
@@ -134,16 +139,27 @@ def _inks(bank: TextureBank, points: Points) -> np.ndarray:
     return np.clip(np.stack(mean, axis=1)[:, [1, 2, 3, 0]], 0, 1)
 
 
-def steady_inks(frames: Sequence[tuple[list[Name], np.ndarray]]) -> list[np.ndarray]:
-    """Smooth the inks (C, 4) of the strokes of each name over INK_FRAMES frames."""
+def steady_inks(
+    frames: Sequence[tuple[list[Name], np.ndarray]], loop: bool = False
+) -> list[np.ndarray]:
+    """Smooth the inks (C, 4) of the strokes of each name over INK_FRAMES frames.
+
+    `loop` : the last frame goes over into the first
+    """
     seen: dict[Name, list[tuple[int, int]]] = {}
     for number, (names, _) in enumerate(frames):
         for i, name in enumerate(names):
             seen.setdefault(name, []).append((number, i))
     out = [inks.copy() for _, inks in frames]
     for where in seen.values():
+        whole = loop and len(where) == len(frames)
+        if loop and not whole:  # from where it appears on, beyond the end of the loop
+            gaps = [b - a for (a, _), (b, _) in zip(where, where[1:], strict=False)]
+            if gaps and max(gaps) > where[0][0] + len(frames) - where[-1][0]:
+                start = int(np.argmax(gaps)) + 1
+                where = where[start:] + where[:start]
         inks = np.stack([frames[number][1][i] for number, i in where])
-        smooth = gaussian_filter1d(inks, INK_FRAMES, axis=0, mode="nearest")
+        smooth = gaussian_filter1d(inks, INK_FRAMES, axis=0, mode="wrap" if whole else "nearest")
         for (number, i), ink in zip(where, smooth, strict=True):
             out[number][i] = ink
     return out

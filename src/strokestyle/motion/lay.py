@@ -83,19 +83,24 @@ class Lifted:
 # ------------------------------------------------------------------------------- of all frames
 
 
-def steady_ranges(frames: Sequence[Frame], spacing: float) -> list[ViewRange | None]:
+def steady_ranges(
+    frames: Sequence[Frame], spacing: float, loop: bool = False
+) -> list[ViewRange | None]:
     """What the lines of each frame lie between, smoothed over RANGE_SIGMA frames.
 
     So a line that appears at the top, or far behind, does not change all others at once. None where
-    no frame has a line.
+    no frame has a line. `loop`: the last frame goes over into the first.
     """
     some = [i for i, frame in enumerate(frames) if len(frame.planned)]
     if not some:
         return [None] * len(frames)
     found = [ViewRange.of(frames[i].planned, frames[i].surface, spacing) for i in some]
     every = np.arange(len(frames))
-    filled = np.stack([np.interp(every, some, column) for column in np.array(found).T], axis=1)
-    smooth = gaussian_filter1d(filled, RANGE_SIGMA, axis=0, mode="nearest")
+    period = len(frames) if loop else None
+    filled = np.stack(
+        [np.interp(every, some, column, period=period) for column in np.array(found).T], axis=1
+    )
+    smooth = gaussian_filter1d(filled, RANGE_SIGMA, axis=0, mode="wrap" if loop else "nearest")
     return [ViewRange(*row) for row in smooth.tolist()]
 
 
@@ -110,12 +115,12 @@ def kinds_of_tracks(frames: Sequence[Frame]) -> dict[int, int]:
     return dict(pairs[order].tolist())
 
 
-def steady_cuts(style: Style, frames: Sequence[Lifted]) -> list[np.ndarray]:
+def steady_cuts(style: Style, frames: Sequence[Lifted], loop: bool = False) -> list[np.ndarray]:
     """How far a style that draws straight moves the points of each frame, (N, 2) px, smoothed.
 
     The corners of the polyline that stays near a curve (Ramer-Douglas-Peucker) spring to and fro
     when the curve moves a little. So each point goes where it would on average over CUT_FRAMES
-    frames, at its place of the track.
+    frames, at its place of the track. `loop`: the last frame goes over into the first.
     """
     weights = np.where(IS_CUT, style.displacement, 0.0)
     if not weights.any():
@@ -129,15 +134,18 @@ def steady_cuts(style: Style, frames: Sequence[Lifted]) -> list[np.ndarray]:
         along = moved.normals[:, ::-1] * (1.0, -1.0)
         local.append(np.stack([(by * moved.normals).sum(1), (by * along).sum(1)], axis=1))
         across.append((moved.normals, along))
-    smooth = _averaged(frames, local)
+    smooth = _averaged(frames, local, len(frames) if loop else 0)
     return [
         by[:, :1] * normals + by[:, 1:] * along
         for by, (normals, along) in zip(smooth, across, strict=True)
     ]
 
 
-def _averaged(frames: Sequence[Lifted], values: list[np.ndarray]) -> list[np.ndarray]:
-    """The mean of values (N, 2) of the frames about each, at the same places of the same tracks."""
+def _averaged(frames: Sequence[Lifted], values: list[np.ndarray], period: int) -> list[np.ndarray]:
+    """The mean of values (N, 2) of the frames about each, at the same places of the same tracks.
+
+    `period` : frames of a loop, or 0
+    """
     where: dict[tuple[int, int], list[tuple[int, slice]]] = {}
     for number, one in enumerate(frames):
         bounds = zip(one.planned.offsets[:-1], one.planned.offsets[1:], strict=True)
@@ -148,8 +156,9 @@ def _averaged(frames: Sequence[Lifted], values: list[np.ndarray]) -> list[np.nda
         for number, rows in seen:
             place, total = frames[number].points.place[rows], 0.0
             for other, theirs in seen:
-                away = (other - number) / CUT_FRAMES
-                if abs(away) > 3:
+                apart = abs(other - number)
+                away = min(apart, abs(period - apart) if period else apart) / CUT_FRAMES
+                if away > 3:
                     continue
                 weight, total = np.exp(-0.5 * away**2), total + np.exp(-0.5 * away**2)
                 known = frames[other].points.place[theirs]

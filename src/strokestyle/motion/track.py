@@ -60,14 +60,16 @@ def track_frames(
     ahead = min(AHEAD, count) if loop and count > 1 else 0
     follower = Follower()
     frames = [follower.step(found[i % count]) for i in range(-ahead, count + ahead)]
-    composed = _composed(frames, follower.cuts, style)
+    composed = _composed(frames, follower.cuts, style, found[0].scale)
     if ahead:
-        composed, frames = close(composed, ahead, count), frames[ahead:]
-    return [make_frame(found[i], style, frames[i], composed[i]) for i in range(count)]
+        composed = close(composed, ahead, count)
+    return [make_frame(here, style, strokes) for here, strokes in zip(found, composed, strict=True)]
 
 
-def _composed(frames: list[Points], cuts: set[int], style: Style) -> list[list[Composed]]:
-    """Compose the strokes of frames one after the other."""
+def _composed(
+    frames: list[Points], cuts: set[int], style: Style, scale: float
+) -> list[list[Composed]]:
+    """Compose the strokes of frames one after the other; `scale` as `Candidates` has it."""
     fates = decide(frames, cuts)
     strokes = name_strokes(frames, fates)
     kinds = _kinds(frames, strokes)
@@ -84,7 +86,7 @@ def _composed(frames: list[Points], cuts: set[int], style: Style) -> list[list[C
             stroke, place = strokes[t][one.stroke], places[t][one.stroke]
             composed.append(
                 Composed.of(
-                    stroke, one, lines[t][one.stroke], place,
+                    frames[t], scale, stroke, one, lines[t][one.stroke], place,
                     kinds[stroke.track], style.config.spacing,
                 )
             )  # fmt: skip
