@@ -15,11 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial import cKDTree
 from svg_programs import small
 
 from strokestyle.drawing.strokes import Drawing, Strokes
 from strokestyle.geometry.bezier import fit_lines
 from strokestyle.geometry.curves import Curves
+from strokestyle.geometry.parts import Parts
 from strokestyle.render.curve_file import load_curves
 from strokestyle.svg.document import Page, document
 from strokestyle.svg.format import SvgOptions, page_size_mm
@@ -201,6 +203,40 @@ def test_a_plotter_gets_lines_in_mm(tmp_path):
     assert sorted(lines.lengths() / scale) == pytest.approx(sorted(length), rel=0.01)
     with pytest.raises(ValueError, match="no strokes in it"):
         read_svg(text)
+
+
+@pytest.mark.parametrize("layers", ["kind", "part", "none"])
+def test_a_plotter_draws_a_layer_with_little_travel(tmp_path, layers):
+    rng = np.random.default_rng(2)
+    middle = rng.uniform(10, 290, (90, 1, 2))
+    kind, part = rng.integers(0, 2, 90), rng.integers(-1, 2, 90)
+    lines = Curves.from_list(list(middle + rng.normal(0, 3, (1, 2, 2)) * [[[1], [-1]]]), kind)
+    strokes = Strokes(lines.xy, np.ones(180), lines.offsets, kind, np.zeros(90, bool))
+    parts = Parts(("valley", "b"), part)  # the first has the name of a kind
+    made = Drawing(strokes, (300, 300), np.ones((90, 4)), parts=parts)
+    text = write_svg(made, plotter=True, layers=layers)
+    groups = [group for group in ET.fromstring(text) if group.tag == f"{SVG}g"]
+    paths = [path for group in groups for path in group]
+    assert all(path.tag == f"{SVG}path" for path in paths)
+    (tmp_path / "p.svg").write_text(text)
+    read = load_curves(tmp_path / "p.svg", (300, 300))
+    centre = lines.xy.reshape(90, 2, 2).mean(axis=1)
+    order = cKDTree(centre).query(read.xy.reshape(90, 2, 2).mean(axis=1))[1]
+    assert sorted(order) == list(range(90)) and np.array_equal(kind[order], read.kind)
+    names = [("valley", "b", None)[i] for i in part[order]]
+    assert [path.get(f"{INKSCAPE}label") for path in paths] == names
+    layer = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+    was = {"kind": kind, "part": np.where(part < 0, kind - 9, part), "none": 0 * kind}[layers]
+    pairs = set(zip(layer.tolist(), was[order].tolist(), strict=True))
+    assert len(pairs) == len(groups) == len(set(was.tolist()))
+
+    def travel(xy, key):
+        return np.linalg.norm(xy[2::2] - xy[1:-1:2], axis=1)[key[1:] == key[:-1]].sum()
+
+    painted = np.argsort(was, kind="stable")
+    before = travel(lines.xy.reshape(90, 4)[painted].reshape(-1, 2), was[painted])
+    assert travel(read.xy, layer) < 0.3 * before
+    assert text == write_svg(made, plotter=True, layers=layers)
 
 
 def test_power_strokes_have_skeleton_and_widths():

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+
 import numpy as np
 
 from ..drawing.strokes import Drawing, paint_order
 from ..geometry.bezier import fit_lines
 from ..geometry.curves import KINDS
-from .document import LayerItem, Page, document, layered
-from .format import SvgOptions
+from ..geometry.travel import short_route
+from .document import LayerItem, Page, document, layered, outer_layer
+from .format import Data, SvgOptions
 from .markup import Element, hex_color, number, numbers, units
 
 PEN = 0.3  # mm, how thick a plotter's lines are shown
@@ -18,17 +21,18 @@ LINE_SLACK = 0.1  # px between a centre line and its curves
 def plotter_svg(drawing: Drawing, options: SvgOptions) -> str:
     """Write centre lines only, in mm: no fill, image or clip.
 
-    Layers are numbered as plotter software wants them.
+    Layers are numbered as plotter software wants them, hold no layers, and lie in the order of
+    painting. Within each, lines lie, are turned round, and begin if they are closed, so that the
+    lifted pen travels little.
     """
     page = Page.in_mm(drawing.size, options)
-    order = paint_order(drawing, options.layers).tolist()
     style = {
         "fill": "none",
         "stroke-width": number(PEN, 2),
         "stroke-linecap": "round",
         "stroke-linejoin": "round",
     }
-    items = _pen_lines(drawing, options, page, order)
+    items = _pen_lines(drawing, options, page)
     if options.layers != "none":
         content = layered(items, options.layers, style, numbered=True)
     else:
@@ -36,22 +40,62 @@ def plotter_svg(drawing: Drawing, options: SvgOptions) -> str:
     return document(content, page, options)
 
 
-def _pen_lines(
-    drawing: Drawing, options: SvgOptions, page: Page, order: list[int]
-) -> list[LayerItem]:
-    """Centre lines on a page in mm, the canvas fitted into it and centred."""
-    strokes, sides, size = drawing.strokes, np.array([page.width, page.height]), drawing.size
+def _pen_lines(drawing: Drawing, options: SvgOptions, page: Page) -> list[LayerItem]:
+    """Centre lines on a page in mm, the canvas fitted into it and centred, as they are drawn."""
+    sides, size = np.array([page.width, page.height]), drawing.size
     scale = (sides / size).min()  # mm a pixel
     corner = 0.5 * (sides - scale * np.array(size))
-    lines = fit_lines(strokes.xy, strokes.offsets, min(options.tolerance, LINE_SLACK))
+    layer = _layers(drawing, options.layers)
+    order, xy, offsets = _as_drawn(drawing, options, layer)
+    lines = fit_lines(xy, offsets, min(options.tolerance, LINE_SLACK))
     items, digits = [], max(3, len(str(max(len(order) - 1, 0))))
-    for place, i in enumerate(order):
-        line, closed = lines[i][0] * scale + corner, bool(strokes.closed[i])
-        d = line_path(line, max(options.decimals, 2), closed)
-        pen = {"id": f"s{place:0{digits}d}", "stroke": hex_color(drawing.color[i, :3]), "d": d}
-        part = "" if drawing.parts is None else drawing.parts.name(i)
-        items.append(LayerItem(Element("path", pen), KINDS[strokes.kind[i]], part))
+    for place, (i, (line, _)) in enumerate(zip(order, lines, strict=True)):
+        part, kind = layer[i]
+        closed = bool(drawing.strokes.closed[i])
+        pen = {
+            "id": f"s{place:0{digits}d}",
+            "stroke": hex_color(drawing.color[i, :3]),
+            "d": line_path(line * scale + corner, max(options.decimals, 2), closed),
+        }
+        items.append(LayerItem(Element("path", pen | _told(drawing, i, kind)), kind, part))
     return items
+
+
+def _layers(drawing: Drawing, layers: str) -> list[tuple[str, str]]:
+    """The (part, kind) of each stroke's layer; one for all where there are none."""
+    each = range(len(drawing.strokes))
+    if layers == "none":
+        return [("", "") for _ in each]
+    return [outer_layer(*_kind_and_part(drawing, i), layers) for i in each]
+
+
+def _as_drawn(
+    drawing: Drawing, options: SvgOptions, layer: list[tuple[str, str]]
+) -> tuple[list[int], np.ndarray, np.ndarray]:
+    """Strokes in the order in which a pen draws them.
+
+    Returns
+    -------
+    their order, and their centre lines in it, as they are drawn: xy (N, 2) px, offsets (C+1,)
+    """
+    strokes, group = drawing.strokes, np.zeros(len(layer), np.int64)
+    painted = paint_order(drawing, options.layers).tolist()
+    for n, (_, members) in enumerate(groupby(painted, lambda i: layer[i])):
+        group[list(members)] = n
+    route = short_route(strokes.xy, strokes.offsets, strokes.closed, group)
+    return route.order.tolist(), *route.drawn(strokes.xy, strokes.offsets)
+
+
+def _kind_and_part(drawing: Drawing, i: int) -> tuple[str, str]:
+    kind = KINDS[drawing.strokes.kind[i]]
+    return kind, "" if drawing.parts is None else drawing.parts.name(i)
+
+
+def _told(drawing: Drawing, i: int, layer: str) -> dict[str, str]:
+    """What a line's element says of it that its layer, of a kind, does not."""
+    kind, part = _kind_and_part(drawing, i)
+    told = {} if kind == layer and not part else {Data.CLASS: kind}
+    return told | ({"inkscape:label": part} if part else {})
 
 
 def line_path(cubics: np.ndarray, decimals: int, closed: bool) -> str:

@@ -110,9 +110,12 @@ class LayerItem:
 
     def place(self, layers: str) -> tuple[str, str]:
         """The (part, kind) of its outer layer."""
-        if layers == "part":
-            return (self.part, "" if self.part else self.kind)
-        return ("", self.kind)
+        return outer_layer(self.kind, self.part, layers)
+
+
+def outer_layer(kind: str, part: str, layers: str) -> tuple[str, str]:
+    """Give the (part, kind), one of them "", of the outer layer of a line."""
+    return (part, "" if part else kind) if layers == "part" else ("", kind)
 
 
 def layered(

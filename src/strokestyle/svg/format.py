@@ -162,7 +162,8 @@ class SvgOptions:
         is fitted into it and centred. None: the canvas, at 96 pixels an inch
     inkscape_lpe : flat strokes are PowerStrokes besides: other programs show our outline, Inkscape
         edits the widths
-    plotter : centre lines only, in mm; nothing can be read back from such a file
+    plotter : centre lines only, in mm, in an order of little travel; nothing can be read back from
+        such a file
 
     Raises
     ------
