@@ -278,6 +278,24 @@ def test_layer_transforms_are_composed(encoding, texture, transform):
     assert np.abs(again - rendered(text)).mean() < limit + (texture is not None)
 
 
+@pytest.mark.parametrize(
+    "written, box, same",
+    [
+        ("0 -159.0303 768 1086.0606", "0 -159.03 768 1086.1", True),  # scour
+        ("0 -159.0303 768 1086.0606", "0 -159 768 1090", True),  # to three digits
+        ("0 -159.0303 768 1086.0606", "0 -159 768 1086", True),  # svgo to none
+        ("0 -159.0303 768 1086.0606", "0 -159.2 768 1086.1", False),
+        ("0 0 768 768", "0 0 800 800", False),
+        ("0 0 768 768", "0 0 770 770", False),
+        ("0 0 768 768", "0 0 700 768", False),
+    ],
+)
+def test_a_page_that_was_rounded_is_the_page_that_was_written(written, box, same):
+    root = f'<svg data-ss-size="768 768" data-ss-page="{written}" viewBox="{box}">'
+    drawing = read_svg(root + '<path data-ss-path="M0 0l9 9"/></svg>')
+    assert (drawing.size == (768, 768)) is same
+
+
 def test_transforms_nest_and_scale_widths_by_the_root_of_their_determinant():
     body = (
         '<g transform="scale(2 8)"><g transform="translate(1 1)">'

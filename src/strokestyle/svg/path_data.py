@@ -23,11 +23,11 @@ UNITS = {
     "pt": 96 / 72,
     "pc": 16.0,
 }
-_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _SPACES = re.compile(rf"[{SPACE}]*")
-_NEXT_NUMBER = re.compile(rf"[{SPACE}]*(?:,[{SPACE}]*)?({_NUMBER})")
+_NEXT_NUMBER = re.compile(rf"[{SPACE}]*(?:,[{SPACE}]*)?({NUMBER})")
 _NEXT_FLAG = re.compile(rf"[{SPACE}]*(?:,[{SPACE}]*)?([01])")
-_LENGTH = re.compile(rf"({_NUMBER})([a-zA-Z]*|%)")
+_LENGTH = re.compile(rf"({NUMBER})([a-zA-Z]*|%)")
 _FUNCTION = re.compile(rf"[{SPACE},]*([a-zA-Z]+)[{SPACE}]*\(([^()]*)\)")
 
 

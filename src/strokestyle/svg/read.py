@@ -6,8 +6,10 @@ docs/svg-format.md says what a file may hold.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -21,13 +23,14 @@ from ..files import limited, quoted
 from ..geometry.parts import Parts
 from .format import LICENSES, LIMITS, Data, SvgOptions
 from .kept import Kept, keep_strokes
-from .path_data import page_length, parse_numbers
+from .path_data import NUMBER, page_length, parse_numbers
 from .read_elements import MAX_STROKES, ElementReader
 from .read_stroke import MAX_PLACE, ReadStroke, drawn_stroke, read_strokes
 from .read_texture import Budget
 
 MAX_TEXELS = LIMITS["texels"].value
 MAX_PARTS = LIMITS["parts_characters"].value
+PAGE_ROUNDING = 0.005  # of the page's longer side, the most that a rounded number is off
 
 
 class NoStrokesError(ValueError):
@@ -164,7 +167,7 @@ def _canvas(root: Mapping[str, str]) -> tuple[tuple[int, int], tuple[float, floa
     if box is not None and (len(box) != 4 or min(box[2:]) <= 0):
         raise ValueError("viewBox must be four numbers, x y width height, the last two above 0")
     written = parse_numbers(root[Data.PAGE], Data.PAGE) if Data.PAGE in root else None
-    same = box is None or written is None or np.allclose(box, written, atol=1e-3)
+    same = box is None or written is None or _is_rounded(root["viewBox"], box, written)
     if size is not None and same:
         box = [0.0, 0.0, *size]
     elif box is None:
@@ -172,6 +175,17 @@ def _canvas(root: Mapping[str, str]) -> tuple[tuple[int, int], tuple[float, floa
     if not (max(np.abs(box)) <= MAX_PLACE and min(box[2:]) > 0):
         raise ValueError(f"its canvas of {box[2]:g} x {box[3]:g} px is none to draw on")
     return (math.ceil(box[2] - 1e-6), math.ceil(box[3] - 1e-6)), (box[0], box[1])
+
+
+def _is_rounded(text: str, box: Sequence[float], written: Sequence[float]) -> bool:
+    """Whether the numbers of a `text` are those written, rounded to as many digits as they have.
+
+    scour rounds to five digits, or as many as it is told.
+    """
+    digits = (Decimal(number).normalize().as_tuple() for number in re.findall(NUMBER, text))
+    half = 0.5 * 10.0 ** np.array([float(number.exponent) for number in digits])
+    slack = np.minimum(half, PAGE_ROUNDING * max(box[2:])) + 1e-3
+    return len(box) == len(written) and bool((np.abs(np.subtract(box, written)) <= slack).all())
 
 
 def _parts(root: Mapping[str, str], strokes: Sequence[ReadStroke]) -> Parts | None:
