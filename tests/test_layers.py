@@ -27,7 +27,7 @@ ONLY = {
     "svgwrite": {"svg.tree"},
     "click": {"cli"},
     "rich": {"cli"},
-    "embreex": {"extract.rays"},
+    "embreex": {"extract.embree"},
     "dask": {"batch.cluster"},
     "distributed": {"batch.cluster"},
 }

@@ -1,6 +1,6 @@
 """What a ray hits, and whether a point of the surface is seen.
 
-This module alone knows embree: its float32, and its self-hits.
+This module alone knows what embree's float32 does to it, and its self-hits.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from embreex import rtcore_scene
-from embreex.mesh_construction import TriangleMesh
 
 from ..mesh.surface import Surface
 from ..mesh.triangles import row_dot, unit_rows
+from .embree import FirstHits, scene
 from .eye import at_infinity
 
 NEAR_BY = 4.0  # longest sides of the shape from its middle: an eye that is not far away
@@ -73,9 +72,8 @@ class Bvh:
         self._centre, self._scale = 0.5 * (low + high), 1.0 / max(float(np.max(high - low)), 1e-300)
         component = getattr(surface, "component", None)
         self.component = component if component is not None and np.ptp(component) else None
-        self._embree = rtcore_scene.EmbreeScene()
-        if len(self.faces):
-            TriangleMesh(self._embree, self._local(self.vertices), self.faces.astype(np.int32))
+        empty = not len(self.faces)
+        self._scene = None if empty else scene(self._local(self.vertices), self.faces)
 
     def _local(self, points: np.ndarray) -> np.ndarray:
         """Move points (..., 3) from the world into embree's units, float32."""
@@ -103,19 +101,12 @@ class Bvh:
         most = np.maximum.reduce([mean[corner] for corner in self.faces.T])
         return np.minimum(sum(lengths) / 3.0, 3.0 * most)
 
-    def _run(self, origins: np.ndarray, directions: np.ndarray) -> dict:
+    def _run(self, origins: np.ndarray, directions: np.ndarray) -> FirstHits:
         """Trace rays (N, 3) in embree's own units; distances are in lengths of the directions."""
-        if not len(origins) or not len(self.faces):
+        if self._scene is None:
             nothing = np.zeros(len(origins), np.float32)
-            return {
-                "primID": np.full(len(origins), -1),
-                "tfar": nothing,
-                "u": nothing,
-                "v": nothing,
-            }
-        return self._embree.run(
-            origins, np.ascontiguousarray(directions, dtype=np.float32), output=1
-        )
+            return FirstHits(np.full(len(origins), -1, np.int32), nothing, nothing, nothing)
+        return self._scene.first_hits(origins, directions.astype(np.float32, copy=False))
 
     def first_hit(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
         """Trace rays to what they hit first.
@@ -127,15 +118,13 @@ class Bvh:
         """
         directions = np.ascontiguousarray(directions, dtype=np.float32)
         origins = np.broadcast_to(self._local(np.asarray(origins, np.float64)), directions.shape)
-        found = self._run(np.ascontiguousarray(origins), directions)
-        face = found["primID"].astype(np.int64)
-        miss = face < 0
-        bary = np.stack([1.0 - found["u"] - found["v"], found["u"], found["v"]], axis=1).astype(
-            np.float64
-        )
+        found = self._run(origins, directions)
+        miss = found.face < 0
+        bary = np.stack([1.0 - found.u - found.v, found.u, found.v], axis=1).astype(np.float64)
         bary[miss] = 0.0
         length = np.sqrt(np.einsum("ij,ij->i", directions, directions))
-        return Hits(face, bary, np.where(miss, np.inf, found["tfar"]) * (length / self._scale))
+        distance = np.where(miss, np.inf, found.distance) * (length / self._scale)
+        return Hits(found.face.astype(np.int64), bary, distance)
 
     def seen(
         self,
@@ -290,5 +279,5 @@ class Bvh:
         Distances are from the starts (N, 3).
         """
         origin = start + (ray * passed[:, None]).astype(np.float32)
-        found = self._run(np.ascontiguousarray(origin, dtype=np.float32), ray)
-        return found["primID"].astype(np.int64), passed + found["tfar"]
+        found = self._run(origin.astype(np.float32, copy=False), ray)
+        return found.face.astype(np.int64), passed + found.distance
