@@ -30,7 +30,6 @@ from .read_texture import Budget
 
 MAX_TEXELS = LIMITS["texels"].value
 MAX_PARTS = LIMITS["parts_characters"].value
-PAGE_ROUNDING = 0.005  # of the page's longer side, the most that a rounded number is off
 
 
 class NoStrokesError(ValueError):
@@ -180,11 +179,12 @@ def _canvas(root: Mapping[str, str]) -> tuple[tuple[int, int], tuple[float, floa
 def _is_rounded(text: str, box: Sequence[float], written: Sequence[float]) -> bool:
     """Whether the numbers of a `text` are those written, rounded to as many digits as they have.
 
-    scour rounds to five digits, or as many as it is told.
+    scour rounds to five digits, or as many as it is told: those that are 0 at a number's end count
+    as such beyond the third.
     """
-    digits = (Decimal(number).normalize().as_tuple() for number in re.findall(NUMBER, text))
-    half = 0.5 * 10.0 ** np.array([float(number.exponent) for number in digits])
-    slack = np.minimum(half, PAGE_ROUNDING * max(box[2:])) + 1e-3
+    digits = (Decimal(number).normalize() for number in re.findall(NUMBER, text))
+    last = [min(float(n.as_tuple().exponent), max(n.adjusted() - 2, 0)) for n in digits]
+    slack = 0.5 * 10.0 ** np.array(last) + 1e-3
     return len(box) == len(written) and bool((np.abs(np.subtract(box, written)) <= slack).all())
 
 
