@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ..geometry.curves import Curves, counting, owner
 from ..mesh.surface import Surface
 from .camera import Camera
 from .rays import Bvh
-from .view_curvature import ViewFields
+from .view_curvature import SomeVertices, VertexFields
 
 CLIP = 8.0  # of the 90th percentile
 # The least scale of a curvature: on a box, where more than 90 % is flat, the rest must not become
@@ -32,6 +33,7 @@ NEURAL_STROKES_MAPS = (
 
 # x right, y down, components of the unit normal on the screen, not rescaled; background 0
 NORMAL_MAPS = ("normal_x", "normal_y")
+SIDE = 4  # px, the square of pixels whose rays are traced together
 TILE = 8  # px, the square that a piece of a segment is drawn in
 TILE_PIECE = 4.0  # px, the longest piece that a tile holds with 1 px around it
 
@@ -75,7 +77,9 @@ class FeatureMaps:
             raise ValueError(
                 f"FeatureMaps.scale must have shape ({len(self.names)},), got {scale.shape}"
             )
-        if not (np.isfinite(values).all() and np.isfinite(scale).all()):
+        # a sum tells in one go, unless finite numbers overflow it
+        finite = np.isfinite(values.sum()) or np.isfinite(values).all()
+        if not (finite and np.isfinite(scale).all()):
             raise ValueError("FeatureMaps holds values that are not finite")
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "values", values)
@@ -91,7 +95,7 @@ class FeatureMaps:
         if "plain" not in self.names:
             return self
         values, (height, width) = self.values.copy(), self.covered.shape
-        values[self.names.index("plain")] = _half(plain_raster(curves, width, height))
+        values[self.names.index("plain")] = plain_raster(curves, width, height)
         return replace(self, values=values)
 
 
@@ -107,46 +111,79 @@ def feature_maps(surface: Surface, camera: Camera, curves: Curves, bvh: Bvh) -> 
     of the curves.
     """
     camera = camera.clear_of(surface.vertices)
-    covered, face, bary = _first_faces(surface, camera, bvh)
-    fields = _vertex_fields(surface, camera)
-    corners = surface.faces[face]
-    seen = sum(bary[:, i, None] * fields[corners[:, i]] for i in range(3)).T  # (9, pixels seen)
-    channels = _channels(seen)
+    hits = _first_faces(surface, camera, bvh)
+    channels = _channels(_fields_at(surface, camera, hits))
     names = (*NEURAL_STROKES_MAPS, *NORMAL_MAPS, "plain")
     scale = np.ones(len(names), np.float32)
-    values = np.ones((len(names), camera.height, camera.width), np.float32)
-    values[[names.index(name) for name in NORMAL_MAPS]] = 0.0
+    size = camera.height, camera.width
+    values = np.empty((len(names), camera.height * camera.width), np.float32)
     for i, (name, channel) in enumerate(channels.items()):
         if name not in NORMAL_MAPS:
             least = MIN_SCALE if name in ("depth", "n_dot_v") else FLAT
             scale[i] = max(_percentile(np.abs(channel), 0.9), least)
             channel = np.clip(channel / scale[i], -CLIP, CLIP)
-        values[i][covered] = _half(channel)  # a mask alone: several times faster than [i, mask]
-    values[-1] = _half(plain_raster(curves, camera.width, camera.height))
-    return FeatureMaps(names, values, covered, scale)
+        values[i] = 0.0 if name in NORMAL_MAPS else 1.0
+        values[i, hits.pixel] = _half(channel)
+    values[-1] = plain_raster(curves, camera.width, camera.height).ravel()
+    covered = np.zeros(camera.height * camera.width, bool)
+    covered[hits.pixel] = True
+    return FeatureMaps(names, values.reshape(-1, *size), covered.reshape(size), scale)
 
 
-def _vertex_fields(surface: Surface, camera: Camera) -> np.ndarray:
-    """Measure at every vertex what `_channels` makes the maps of, (V, 9) float32."""
-    view = ViewFields.of(surface, camera.viewpoint)
-    radial = view.radial_curvature(surface) / np.maximum(view.u**2 + view.v**2, 1e-6)
+class _PixelHits(NamedTuple):
+    """Where the surface is seen, at P pixels, row by row.
+
+    Parameters
+    ----------
+    pixel : (P,) int, the number of each pixel of the canvas
+    face : (P,) int, the face seen
+    bary : three (P,) float32, weights of its corners
+    """
+
+    pixel: np.ndarray
+    face: np.ndarray
+    bary: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def _fields_at(surface: Surface, camera: Camera, hits: _PixelHits) -> list[np.ndarray]:
+    """Interpolate the nine fields of `_vertex_fields` at the pixels that see the surface, (P,)."""
+    corners = [surface.faces[:, i][hits.face] for i in range(3)]
+    seen = np.zeros(len(surface.vertices), bool)
+    for corner in corners:
+        seen[corner] = True
+    vertex = np.flatnonzero(seen)
+    number = np.empty(len(seen), np.int64)
+    number[vertex] = np.arange(len(vertex))
+    corners = [number[corner] for corner in corners]
+    fields = _vertex_fields(SomeVertices.of(surface, vertex), camera)
+    # field by field, which stays in the processor's cache
+    return [
+        sum(weight * field[corner] for weight, corner in zip(hits.bary, corners, strict=True))
+        for field in fields
+    ]
+
+
+def _vertex_fields(vertices: SomeVertices, camera: Camera) -> list[np.ndarray]:
+    """Measure at some vertices what `_channels` makes the maps of, nine of (n,) float32."""
+    view = VertexFields.at(vertices, camera.viewpoint)
+    radial = view.radial_curvature(vertices) / np.maximum(view.u**2 + view.v**2, 1e-6)
     right, down, _ = camera.axes
     fields = (
-        camera.project(surface.vertices)[1],
+        camera.project(vertices.vertices)[1],
         radial,
-        view.radial_derivative(surface),
-        np.maximum(surface.k1, surface.k2),
-        np.minimum(surface.k1, surface.k2),
-        view.view_curvature(surface)[0],
+        view.radial_derivative(vertices),
+        np.maximum(vertices.k1, vertices.k2),
+        np.minimum(vertices.k1, vertices.k2),
+        view.view_curvature(vertices)[0],
         view.n_dot_v,
-        surface.normals @ right,
-        surface.normals @ down,
+        vertices.normals @ right,
+        vertices.normals @ down,
     )
-    return np.stack(fields, axis=1).astype(np.float32)
+    return [field.astype(np.float32) for field in fields]
 
 
-def _channels(seen: np.ndarray) -> dict[str, np.ndarray]:
-    """Make the maps' channels (P,), not yet scaled, of vertex fields at the pixels (9, P)."""
+def _channels(seen: list[np.ndarray]) -> dict[str, np.ndarray]:
+    """Make the maps' channels (P,), not yet scaled, of vertex fields at the pixels, nine (P,)."""
     depth, radial, derivative, k_high, k_low, bend, facing, normal_x, normal_y = seen
     # an open surface may be seen from behind: its normal is taken towards the eye
     turn = np.where(facing < 0, -1.0, 1.0).astype(np.float32)
@@ -165,37 +202,40 @@ def _channels(seen: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip((*NEURAL_STROKES_MAPS, *NORMAL_MAPS), channels, strict=True))
 
 
-def _first_faces(
-    surface: Surface, camera: Camera, bvh: Bvh
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find where the surface is seen.
-
-    Returns
-    -------
-    covered (H, W) bool, and of the pixels covered, row by row, the face (P,) and the place in it
-    (P, 3) float32
-    """
-    covered = np.zeros((camera.height, camera.width), bool)
+def _first_faces(surface: Surface, camera: Camera, bvh: Bvh) -> _PixelHits:
+    """Find where the surface is seen, by one ray through the centre of each pixel."""
     columns, rows = _window(surface, camera)
-    origins, rays = _pixel_rays(camera, columns, rows)
-    hits = bvh.first_hit(origins.reshape(-1, 3), rays.reshape(-1, 3))
-    hit = hits.face >= 0
-    covered[slice(*rows), slice(*columns)] = hit.reshape(rays.shape[:2])
-    return covered, hits.face[hit], hits.bary[hit].astype(np.float32)
+    wide, high = columns[1] - columns[0], rows[1] - rows[0]
+    across, down = -(-wide // SIDE), -(-high // SIDE)
+    origins, rays = _pixel_rays(camera, columns[0], rows[0], across, down)
+    found = bvh.first_faces(origins.reshape(-1, 3), rays.reshape(-1, 3))
+
+    def by_rows(values: np.ndarray) -> np.ndarray:
+        tiles = values.reshape(down, across, SIDE, SIDE).swapaxes(1, 2)
+        return tiles.reshape(down * SIDE, across * SIDE)[:high, :wide]
+
+    face = by_rows(found.face)
+    row, column = np.nonzero(face >= 0)
+    u, v = (by_rows(values)[row, column] for values in (found.u, found.v))
+    pixel = (row + rows[0]) * camera.width + (column + columns[0])
+    return _PixelHits(pixel, face[row, column], (1.0 - u - v, u, v))
 
 
 def _pixel_rays(
-    camera: Camera, columns: tuple[int, int], rows: tuple[int, int]
+    camera: Camera, column: int, row: int, across: int, down: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Cast rays through the centres of pixels: origins, and directions (rows, columns, 3) float32.
+    """Cast rays through the centres of pixels, in squares of SIDE pixels from `column`, `row` on.
 
-    Directions have no set length. Origins are one for each, or in perspective (1, 1, 3) the eye.
+    Rays are traced several at a time, and squares of them hit the same. Origins, and directions
+    (down, across, SIDE, SIDE, 3) float32 of no set length, `across` and `down` squares. Origins are
+    one for each, or in perspective one in all, the eye.
     """
-    right, down, forward = camera.axes
-    x = (np.arange(*columns) + 0.5 - 0.5 * camera.width)[None, :, None] * right
-    y = (np.arange(*rows) + 0.5 - 0.5 * camera.height)[:, None, None] * down
+    right, downwards, forward = camera.axes
+    x = np.arange(across * SIDE).reshape(1, across, 1, SIDE, 1) + (column + 0.5)
+    y = np.arange(down * SIDE).reshape(down, 1, SIDE, 1, 1) + (row + 0.5)
+    x, y = (x - 0.5 * camera.width) * right, (y - 0.5 * camera.height) * downwards
     if camera.extent is None:
-        return camera.eye[None, None], (x + (y + camera.focal * forward)).astype(np.float32)
+        return camera.eye, (x + (y + camera.focal * forward)).astype(np.float32)
     origins = x / camera.focal + (y / camera.focal + camera.eye)
     return origins, np.broadcast_to(forward.astype(np.float32), origins.shape)
 
@@ -234,7 +274,10 @@ def _may_meet(a: np.ndarray, b: np.ndarray, width: int, height: int) -> np.ndarr
 
 
 def plain_raster(curves: Curves, width: int, height: int) -> np.ndarray:
-    """Draw curves 1 px wide, (H, W) float32: 1 on the line, 0 at a pixel centre 1 px from it."""
+    """Draw curves 1 px wide, (H, W) float32: 1 on the line, 0 at a pixel centre 1 px from it.
+
+    In half precision, as all maps are.
+    """
     out = np.zeros((height, width), np.float32)
     if not len(curves):
         return out
@@ -247,7 +290,7 @@ def plain_raster(curves: Curves, width: int, height: int) -> np.ndarray:
     y = corner[:, 1, None, None] + np.arange(TILE)[:, None]  # (S, TILE, 1)
     ink = _tile_ink(x, y, start, step)
     good = (ink > 0.0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    np.maximum.at(out.ravel(), (y * width + x)[good], ink[good].astype(np.float32))
+    np.maximum.at(out.ravel(), (y * width + x)[good], _half(ink[good].astype(np.float32)))
     return out
 
 

@@ -108,17 +108,22 @@ class Bvh:
             return FirstHits(np.full(len(origins), -1, np.int32), nothing, nothing, nothing)
         return self._scene.first_hits(origins, directions.astype(np.float32, copy=False))
 
-    def first_hit(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
-        """Trace rays to what they hit first.
+    def first_faces(self, origins: np.ndarray, directions: np.ndarray) -> FirstHits:
+        """Trace rays to what they hit first; distances are in lengths of their directions.
 
         Parameters
         ----------
         origins : (3,) or (N, 3), world units
         directions : (N, 3) of any length
         """
-        directions = np.ascontiguousarray(directions, dtype=np.float32)
+        directions = directions.astype(np.float32, copy=False)
         origins = np.broadcast_to(self._local(np.asarray(origins, np.float64)), directions.shape)
-        found = self._run(origins, directions)
+        return self._run(origins, directions)
+
+    def first_hit(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
+        """Trace rays to what they hit first, and tell where that is; arguments are the same."""
+        directions = np.ascontiguousarray(directions, dtype=np.float32)
+        found = self.first_faces(origins, directions)
         miss = found.face < 0
         bary = np.stack([1.0 - found.u - found.v, found.u, found.v], axis=1).astype(np.float64)
         bary[miss] = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -14,25 +14,40 @@ EDGE_ON = 1e-12  # n.v, up to rounding, of a face that is seen along itself
 
 
 @dataclass(frozen=True)
-class ViewFields:
-    """What a surface looks like from an eye, per vertex.
+class SomeVertices:
+    """What is measured at some vertices of a surface, (n, ...) each, as `Surface` has it."""
+
+    vertices: np.ndarray
+    normals: np.ndarray
+    k1: np.ndarray
+    k2: np.ndarray
+    pdir1: np.ndarray
+    pdir2: np.ndarray
+    dcurv: np.ndarray
+
+    @classmethod
+    def of(cls, surface: Surface, vertex: np.ndarray) -> SomeVertices:
+        """Take the vertices of an index (n,)."""
+        return cls(*(getattr(surface, each.name)[vertex] for each in fields(cls)))
+
+
+@dataclass(frozen=True)
+class VertexFields:
+    """What V vertices look like from an eye.
 
     Parameters
     ----------
     n_dot_v : (V,), cosine between the normal and the direction v to the eye
     u, v : (V,), components of that direction along pdir1 and pdir2
-    closed_faces : (F,) bool, faces of which only the outside can be seen: those of components
-        without boundary, unless the eye is inside
     """
 
     n_dot_v: np.ndarray
     u: np.ndarray
     v: np.ndarray
-    closed_faces: np.ndarray
 
     @classmethod
-    def of(cls, surface: Surface, eye: np.ndarray) -> ViewFields:
-        """Look at a surface from an eye, in the surface's own frame.
+    def at(cls, surface: Surface | SomeVertices, eye: np.ndarray) -> VertexFields:
+        """Look at vertices from an eye, in the surface's own frame.
 
         `eye` : (3,), or (4,) in homogeneous coordinates, as `Camera.viewpoint` has it. Where that
         is at infinity, what is seen exactly edge-on counts as turned away: walls seen along
@@ -43,20 +58,9 @@ class ViewFields:
         n_dot_v = row_dot(to_eye, surface.normals)
         if at_infinity(eye):
             n_dot_v = np.where(np.abs(n_dot_v) < EDGE_ON, -EDGE_ON, n_dot_v)
-        return cls(
-            n_dot_v,
-            row_dot(to_eye, surface.pdir1),
-            row_dot(to_eye, surface.pdir2),
-            closed_from(surface, eye),
-        )
+        return cls(n_dot_v, row_dot(to_eye, surface.pdir1), row_dot(to_eye, surface.pdir2))
 
-    def closed_vertices(self, surface: Surface) -> np.ndarray:
-        """Tell which vertices of the surface have nothing but `closed_faces`, (V,) bool."""
-        closed = np.ones(len(surface.vertices), bool)
-        closed[surface.faces[~self.closed_faces]] = False
-        return closed
-
-    def radial_curvature(self, surface: Surface) -> np.ndarray:
+    def radial_curvature(self, surface: Surface | SomeVertices) -> np.ndarray:
         """Measure the radial curvature, times the squared length of the projected view, (V,).
 
         The radial curvature kr of DeCarlo et al. 2003 is the normal curvature along the projected
@@ -65,7 +69,7 @@ class ViewFields:
         """
         return surface.k1 * self.u**2 + surface.k2 * self.v**2
 
-    def radial_derivative(self, surface: Surface) -> np.ndarray:
+    def radial_derivative(self, surface: Surface | SomeVertices) -> np.ndarray:
         """Differentiate the radial curvature along the projected view direction, (V,).
 
         It is taken times that projection's length. DeCarlo et al. 2003, with the derivative tensor
@@ -78,7 +82,7 @@ class ViewFields:
         torsion = (surface.k2 - surface.k1) * u * v / square
         return cubic - 2.0 * self.n_dot_v * torsion**2
 
-    def view_curvature(self, surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    def view_curvature(self, surface: Surface | SomeVertices) -> tuple[np.ndarray, np.ndarray]:
         """Measure the largest squared curvature seen in the image, (V,), and its direction, (V, 3).
 
         It is the largest squared singular value of Judd et al. 2007's view-dependent curvature
@@ -94,7 +98,7 @@ class ViewFields:
         return largest, direction
 
     def _seen_curvature(
-        self, surface: Surface
+        self, surface: Surface | SomeVertices
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Work out Q of `view_curvature` in the principal directions, row by row, (V,) each."""
         square = self.u**2 + self.v**2
@@ -103,6 +107,31 @@ class ViewFields:
         uu, uv, vv = stretch * self.u**2, stretch * self.u * self.v, stretch * self.v**2
         k1, k2 = surface.k1, surface.k2
         return k1 * (1.0 + uu), k1 * uv, k2 * uv, k2 * (1.0 + vv)
+
+
+@dataclass(frozen=True)
+class ViewFields(VertexFields):
+    """What a surface looks like from an eye, per vertex.
+
+    Parameters
+    ----------
+    closed_faces : (F,) bool, faces of which only the outside can be seen: those of components
+        without boundary, unless the eye is inside
+    """
+
+    closed_faces: np.ndarray
+
+    @classmethod
+    def of(cls, surface: Surface, eye: np.ndarray) -> ViewFields:
+        """Look at all of a surface as `at` does at some of its vertices."""
+        seen = VertexFields.at(surface, eye)
+        return cls(seen.n_dot_v, seen.u, seen.v, closed_from(surface, eye))
+
+    def closed_vertices(self, surface: Surface) -> np.ndarray:
+        """Tell which vertices of the surface have nothing but `closed_faces`, (V,) bool."""
+        closed = np.ones(len(surface.vertices), bool)
+        closed[surface.faces[~self.closed_faces]] = False
+        return closed
 
 
 def closed_from(surface: Surface, eye: np.ndarray) -> np.ndarray:

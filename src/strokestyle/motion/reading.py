@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import cast
-
 import numpy as np
 
 from ..extract.feature_maps import CLIP, FLAT, MIN_SCALE
 from ..extract.rays import Bvh
 from ..extract.surface_curves import interpolate_on_faces
 from ..extract.view import DEPTH_STEP
-from ..extract.view_curvature import ViewFields
+from ..extract.view_curvature import SomeVertices, VertexFields
 from ..geometry.curves import is_kind, owner, tangents
-from ..mesh.surface import Surface
 from ..render.features import BOTH_SIDES, OUTWARD_SIGMA, along_strokes
 from ..render.plan import Planned
 from .frames import Shot
@@ -21,26 +17,6 @@ from .places import Places
 
 GRID = 8  # px of a canvas of 768 between the rays that tell the scale of quantities
 SHARE = 0.9  # of the surface seen, whose values lie below the scale
-
-
-@dataclass(frozen=True)
-class _SomeVertices:
-    """What `ViewFields` reads off a surface, of some of its vertices."""
-
-    vertices: np.ndarray
-    normals: np.ndarray
-    pdir1: np.ndarray
-    pdir2: np.ndarray
-    k1: np.ndarray
-    k2: np.ndarray
-    closed_faces: np.ndarray
-
-    @classmethod
-    def of(cls, surface: Surface, vertex: np.ndarray) -> _SomeVertices:
-        columns = (surface.vertices, surface.normals, surface.pdir1, surface.pdir2)
-        vertices, normals, pdir1, pdir2 = (column[vertex] for column in columns)
-        k1, k2 = surface.k1[vertex], surface.k2[vertex]
-        return cls(vertices, normals, pdir1, pdir2, k1, k2, np.zeros(0, bool))
 
 
 def surface_scale(shot: Shot, bvh: Bvh) -> np.ndarray:
@@ -122,8 +98,8 @@ def _values(shot: Shot, face: np.ndarray, bary: np.ndarray, depth: np.ndarray) -
 
 def _vertex_fields(shot: Shot, vertex: np.ndarray) -> np.ndarray:
     """Measure n.v, view-dependent curvature and the normal on the screen of vertices, (n, 4)."""
-    part = cast(Surface, _SomeVertices.of(shot.surface, vertex))
-    view = ViewFields.of(part, shot.camera.viewpoint)
+    part = SomeVertices.of(shot.surface, vertex)
+    view = VertexFields.at(part, shot.camera.viewpoint)
     right, down, _ = shot.camera.axes
     bend = view.view_curvature(part)[0]
     return np.stack([view.n_dot_v, bend, part.normals @ right, part.normals @ down], axis=1)
