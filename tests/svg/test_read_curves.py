@@ -10,6 +10,7 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
+from svg_programs import small
 
 from strokestyle import files
 from strokestyle.geometry.bezier import flatten
@@ -17,7 +18,7 @@ from strokestyle.geometry.curves import KINDS, Curves, kind_named
 from strokestyle.render.curve_file import load_curves
 from strokestyle.svg import xml
 from strokestyle.svg.path_data import draw, parse_path, parse_transform, tokens
-from strokestyle.svg.write import plain_svg, png_from_svg
+from strokestyle.svg.write import plain_svg, png_from_svg, write_svg
 
 SVG = (
     '<svg xmlns="http://www.w3.org/2000/svg" '
@@ -340,6 +341,99 @@ def test_what_is_hidden_is_no_line(tmp_path):
     )
 
 
+USED = '<defs><path id="l" d="M0 0h10"/><g id="g"><use href="#l" y="2"/></g></defs>'
+SYMBOL = '<symbol id="s" viewBox="0 0 10 10"><path d="M0 5h10"/></symbol>'
+
+
+@pytest.mark.parametrize(
+    "body, ends",
+    [  # of the lines that are drawn, each (x0, y0, x1, y1)
+        (USED, []),
+        (USED + '<use href="#l" x="5" y="6"/>', [(5, 6, 15, 6)]),
+        (USED + '<use xlink:href="#l" transform="scale(2)" x="5"/>', [(10, 0, 30, 0)]),
+        (USED + '<use href="#g" x="1" transform="translate(0 9)"/>', [(1, 11, 11, 11)]),
+        ('<use href="#z" x="4"/><path id="z" d="M0 1h1"/>', [(4, 1, 5, 1), (0, 1, 1, 1)]),
+        (SYMBOL, []),
+        (SYMBOL + '<use href="#s" x="20" width="40" height="40"/>', [(20, 20, 60, 20)]),
+        (SYMBOL + '<use href="#s"/>', [(0, 50, 100, 50)]),
+        (SYMBOL + '<use href="#s" width="50%" height="10"/>', [(20, 5, 30, 5)]),
+        ('<g display="none"><path id="h" d="M0 1h1"/></g><use href="#h"/>', [(0, 1, 1, 1)]),
+        (USED + '<use href="#none"/><use href="x.svg#l"/><use href="#"/>', []),
+        ('<path style="transform:translate(5px,1in)rotate(90deg)" d="M0 0h4"/>', [(5, 96, 5, 100)]),
+        ('<path style="transform:translateX(5px)scaleY(3)" d="M0 2h9"/>', [(5, 6, 14, 6)]),
+        ('<path style="transform:rotate(.25turn)skewX(45deg)" d="M0 4h1"/>', [(-4, 4, -4, 5)]),
+        ('<switch><g systemLanguage="xx"><path d="M0 1h1"/></g><path d="M0 2h1"/><path d="M0 3h1"/>'
+         "</switch>", [(0, 2, 1, 2)]),
+        ('<polyline points="1 2 3 4 5"/>', [(1, 2, 3, 4)]),
+        ('<polyline points="1.5.5-3e-2-4"/>', [(1.5, 0.5, -0.03, -4)]),
+        ('<path d="M1.5.5l-3e-2-.5"/>', [(1.5, 0.5, 1.47, 0)]),
+        ('<path d="M0 0a1 1 0 01.5.5a1 1 0 10.5.5"/>', [(0, 0, 1, 1)]),
+    ],
+)  # fmt: skip
+def test_what_is_drawn_again_and_where(tmp_path, body, ends):
+    always = '<path d="M7 77h7"/>'  # a drawing of nothing is refused
+    root = 'xmlns:xlink="http://www.w3.org/1999/xlink" viewBox="0 0 100 100"'
+    curves = load(tmp_path, body + always, root)
+    got = [(*curves[i][0], *curves[i][-1]) for i in range(len(curves))]
+    assert np.allclose(sorted(got), sorted([*ends, (7, 77, 14, 77)]), atol=1e-6)
+
+
+LINE = '<g class="a b"><path id="p" class="c" d="M0 1h1"/></g>'
+
+
+@pytest.mark.parametrize(
+    "sheet, attributes, shown",
+    [
+        ("", "", True),
+        (".c{display:none}", "", False),
+        ("path.c, x {display : none !important}", "", False),
+        (".a .c{display:none}", "", False),
+        (".a>.c{display:none}", "", False),
+        ("svg > .c{display:none}", "", True),
+        ("#p{display:none}", "", False),
+        ("#q{display:none}", "", True),
+        (".b{visibility:hidden}", "", False),
+        (".b{visibility:hidden}.c{visibility:visible}", "", True),
+        (".b{opacity:0}", "", False),
+        (".c{opacity:.5}", "", True),
+        (".c{display:inline}path{display:none}", "", True),  # a class weighs more than a tag
+        (".c{display:none}.c{display:inline}", "", True),
+        ("#p{display:none}", 'style="display:inline"', True),
+        (".c{display:inline}", 'display="none"', True),  # an attribute weighs less than any rule
+        ("/* .c{ */ .c{display:none} /* } */", "", False),
+        ("@media print{.c{display:none}}", "", True),
+        ("@media screen{.c{display:none}}", "", False),
+        ("@import url(x.css); .c{display:none}", "", False),
+        ("@font-face{font-family:x}.c:hover{display:none}", "", True),
+        ("*{fill:none}", "", False),
+        (".a{fill:none;stroke:#000}", "", True),
+        (".a{fill:none;stroke:#000}", 'stroke="none"', False),
+        (".b{display:none", "", True),  # not closed: no rule
+    ],
+)
+def test_style_sheets_hide_and_show(tmp_path, sheet, attributes, shown):
+    body = f"<style>{sheet.replace('>', '&gt;')}</style>" + LINE.replace(" d=", f" {attributes} d=")
+    always = '<line style="display:inline;visibility:visible" x1="7" y1="7" x2="9" y2="9"/>'
+    assert len(load(tmp_path, body + always)) == 1 + shown
+
+
+def test_use_that_multiplies_is_bounded(tmp_path):
+    body = '<path id="a0" d="M0 0h1"/>'
+    for k in range(40):
+        body += f'<g id="a{k + 1}"><use href="#a{k}"/><use href="#a{k}"/></g>'
+    with pytest.raises(ValueError, match="simplify it first"):
+        load(tmp_path, f"<defs>{body}</defs><use href='#a40'/>")
+
+
+def test_our_textured_strokes_are_their_centre_lines(tmp_path):
+    for texture in ("vector", "image"):
+        (tmp_path / "d.svg").write_text(write_svg(small("grain"), texture=texture, decimals=4))
+        curves = load_curves(tmp_path / "d.svg", (120, 100))
+        want = small("grain").strokes
+        whole = Curves(want.xy, want.offsets, want.kind, want.closed).lengths()
+        assert sorted(curves.lengths()) == pytest.approx(sorted(whole), rel=0.01)
+
+
 def test_plain_drawings_come_back(tmp_path):
     ring = np.stack([50 + 30 * np.cos(t := np.linspace(0, 2 * np.pi, 40)), 50 + 30 * np.sin(t)], 1)
     ring[-1] = ring[0]
@@ -505,7 +599,9 @@ def test_bad_files_are_refused_in_one_line(tmp_path, name):
             'line 2, <path id="p1">: bad d at character 9, "banana"',
         ),
         ('<path id="a\nb" d="9 9"/>', 'bad d at character 1, "9 9": expected M or m first'),
-        ('<polygon points="1 2 3 4 5"/>', "bad points at character 10"),
+        ('<polygon points="1 2 3 x 5"/>', "bad points at character 7"),
+        ('<g id="a"><use href="#b"/></g><g id="b"><use href="#a"/></g>', "draws itself"),
+        ('<use id="u" href="#u"/>', "draws itself"),
         ('<path d="M0 0A5 5 0 2 0 9 9"/>', "expected a flag of A, 0 or 1"),
         ('<g transform="rotate(1 2)"/>', "transform rotate with 2 numbers"),
         ('<g transform="scale(2) x"/>', 'bad transform at character 9, " x"'),

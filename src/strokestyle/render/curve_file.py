@@ -23,8 +23,9 @@ def load_curves(path: str | Path, size: tuple[int, int], tolerance: float = 0.1)
     perhaps "kinds" [name, ...], "closed" [true, ...] and "size" [width, height]; without a size its
     coordinates are the canvas's pixels. In an .svg file every subpath of path, line, polyline,
     polygon, rect, circle and ellipse is a curve, of the kind that its own or its nearest ancestor's
-    label, id or class names; of one of our own strokes it is the centre line. Definitions and
-    hidden elements are skipped, and so are our own layers of hidden lines; `use` is not followed.
+    label, id or class names; of one of our own strokes it is the centre line. What `use` draws of
+    the same file is drawn; definitions, what attributes or style sheets hide, shapes that have
+    neither fill nor stroke, and our own layers of hidden lines are skipped.
 
     Parameters
     ----------

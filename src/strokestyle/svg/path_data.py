@@ -12,6 +12,13 @@ from ..files import quoted
 from ..geometry.affine import IDENTITY, MAX_NUMBER, Affine, compose
 from ..geometry.bezier import Segment
 
+CSS_AXES = {  # functions of CSS along one axis: SVG's name, the axis, and what the other one has
+    "translatex": ("translate", "x", 0.0),
+    "translatey": ("translate", "y", 0.0),
+    "scalex": ("scale", "x", 1.0),
+    "scaley": ("scale", "y", 1.0),
+}
+CSS_ANGLES = {"deg": 1.0, "rad": math.degrees(1.0), "grad": 0.9, "turn": 360.0}
 SPACE = " \t\r\n\f"
 UNITS = {
     "": 1.0,
@@ -90,6 +97,42 @@ def parse_transform(text: str) -> Affine:
         at = match.end()
         matrix = compose(matrix, _function(match[1], parse_numbers(match[2], "transform")))
     return matrix
+
+
+def parse_share(text: str, default: float) -> float:
+    """Read an opacity, in [0, 1]; `default` where the text is none."""
+    match = re.fullmatch(r"([+-]?[0-9]*\.?[0-9]+(?:e[+-]?[0-9]{1,3})?)(%?)", text[:40])
+    if not match:
+        return default
+    return min(max(float(match[1]) / (100.0 if match[2] else 1.0), 0.0), 1.0)
+
+
+def parse_css_transform(text: str) -> Affine:
+    """Read the transform property of CSS as one matrix: functions with units, of one axis too.
+
+    The origin is that of SVG's attribute. Raises ValueError.
+    """
+    written = []
+    for name, arguments in re.findall(r"([a-z]+)\s*\(([^()]*)\)", text[:10_000].lower()):
+        values = [_css_number(value) for value in re.split(r"[\s,]+", arguments.strip())]
+        axis = CSS_AXES.get(name)
+        if axis is not None and len(values) == 1:
+            name, other = axis[0], axis[2]
+            values = [values[0], other] if axis[1] == "x" else [other, values[0]]
+        elif name == "skew":  # both at once: no two functions of SVG's
+            x, y = (math.tan(math.radians(v)) for v in (values + [0.0])[:2])
+            name, values = "matrix", [1.0, y, x, 1.0, 0.0, 0.0]
+        name = {"skewx": "skewX", "skewy": "skewY"}.get(name, name)
+        written.append(f"{name}({' '.join(repr(value) for value in values)})")
+    return parse_transform(" ".join(written))
+
+
+def _css_number(text: str) -> float:
+    """A number, an angle in degrees, or a length in pixels, as CSS writes them."""
+    match = re.fullmatch(rf"({NUMBER})(deg|rad|grad|turn)", text)
+    if match:
+        return parse_number(match[1]) * CSS_ANGLES[match[2]]
+    return length(text, "transform", 0.0)
 
 
 def _function(name: str, v: list[float]) -> Affine:

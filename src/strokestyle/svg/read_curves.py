@@ -1,36 +1,47 @@
 """Read the curves of any SVG file.
 
-Files come from anywhere, so nothing in them is followed or expanded: no entity, no reference, no
-style sheet; what is too large, too deep or of too many points is refused.
+Files come from anywhere: of what they refer to, only what `use` draws of the same document is
+followed, in bounds; there are no entities, and what is too large, too deep or of too many points is
+refused.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from .. import files as limits
+from ..files import quoted
 from ..geometry.affine import IDENTITY, MAX_NUMBER, Affine, Box, compose, fit_box, transformed
 from ..geometry.bezier import Segment, flatten
 from ..geometry.curves import KINDS, SAME_POINT, Curves, clean_curves, kind_named
-from .format import INKSCAPE_NAMESPACE, Data
+from .format import INKSCAPE_NAMESPACE, TONE_CLASS, Data
 from .path_data import (
+    NUMBER,
     SPACE,
     length,
     page_length,
+    parse_css_transform,
     parse_numbers,
     parse_path,
+    parse_share,
     parse_transform,
     shape_path,
 )
-from .xml import SVG_NAMESPACE, SaxReader, css_property
+from .style_sheet import MAX_CHARACTERS, Named, StyleSheet, declarations
+from .xml import SVG_NAMESPACE, SaxReader, placed
 
 BORDER = 0.5  # px; a frame this near the page's edge is the background, not a line
 LABEL = INKSCAPE_NAMESPACE + "}label"
 SHAPES = ("path", "line", "polyline", "polygon", "rect", "circle", "ellipse")
-GROUPS = ("svg", "g", "a", "switch")  # what is in any other element is not drawn, or is no line
+GROUPS = ("svg", "g", "a", "switch", "use")  # what any other element has is not drawn, or no line
+OF_STROKES = ("path", "image")  # what textured strokes of ours are drawn with
+LOOKS = ("display", "visibility", "opacity", "fill", "stroke")  # CSS properties that are attributes
+XLINK_HREF = "http://www.w3.org/1999/xlink}href"
 
 
 def read_curves_svg(data: bytes, size: tuple[int, int], tolerance: float) -> Curves:
@@ -48,7 +59,7 @@ def read_curves_svg(data: bytes, size: tuple[int, int], tolerance: float) -> Cur
         where it is no SVG, shows no curve, or is damaged, unsafe or too large.
     """
     reader = _ShapeReader(size)
-    SaxReader(reader.start, reader.end).walk(data)
+    reader.read(data)
     if not reader.kinds:
         raise ValueError(
             f"no usable curve in it: no visible {', '.join(SHAPES[:-1])} or {SHAPES[-1]}"
@@ -58,6 +69,52 @@ def read_curves_svg(data: bytes, size: tuple[int, int], tolerance: float) -> Cur
     return clean_curves(xy, offsets, kinds)
 
 
+class _Node(NamedTuple):
+    """An element of a document, and those in it."""
+
+    namespace: str
+    tag: str
+    attributes: dict[str, str]
+    children: list[_Node]
+    line: int
+
+    @property
+    def name(self) -> str:
+        """Its tag, where it is an element of SVG; else ""."""
+        return self.tag if self.namespace in ("", SVG_NAMESPACE) else ""
+
+
+class _TreeReader:
+    """Builds the tree of a document, and finds what `use` and style sheets refer to."""
+
+    def __init__(self) -> None:
+        self.by_id: dict[str, _Node] = {}
+        self.style = ""
+        self._open: list[_Node] = []
+        self._xml = SaxReader(self._start, self._end, self._text)
+
+    def read(self, data: bytes) -> _Node:
+        """Read a document; its first element. Raises ValueError."""
+        self._xml.walk(data)
+        return self._root
+
+    def _start(self, namespace: str, tag: str, attributes: dict[str, str]) -> None:
+        node = _Node(namespace, tag, attributes, [], self._xml.line)
+        if self._open:
+            self._open[-1].children.append(node)
+        else:
+            self._root = node
+        self.by_id.setdefault(attributes.get("id", ""), node)
+        self._open.append(node)
+
+    def _end(self) -> None:
+        self._open.pop()
+
+    def _text(self, text: str) -> None:
+        if self._open and self._open[-1].name == "style":
+            self.style += text if len(self.style) < MAX_CHARACTERS else ""
+
+
 @dataclass(frozen=True)
 class _State:
     """What an element hands on to those inside it.
@@ -65,16 +122,23 @@ class _State:
     `matrix` : to the canvas
     `kind` : index into KINDS
     `view` : (width, height) that percentages refer to
+    `paint` : "none" of fill and stroke, where that is what they are
+    `elements` : those around, as selectors see them
+    `used` : ids of what `use` elements around it draw
     """
 
     matrix: Affine = IDENTITY
     kind: int = KINDS.index("other")
     visible: bool = True
     view: tuple[float, float] = (0.0, 0.0)
+    fill: str = "black"
+    stroke: str = "none"
+    elements: tuple[Named, ...] = ()
+    used: tuple[str, ...] = ()
 
 
 class _ShapeReader:
-    """Collects the shapes of a document as a SaxReader comes by them.
+    """Collects the shapes of a document.
 
     `segments` are those of all subpaths, as `parse_path` gives them; `counts`, `matrices` and
     `kinds` have one entry a subpath.
@@ -87,47 +151,99 @@ class _ShapeReader:
         self.counts: list[int] = []
         self.matrices: list[Affine] = []
         self.kinds: list[int] = []
-        self.states: list[_State | None] = []  # of the open elements; None: nothing inside is drawn
+        self.elements = 0  # that were drawn, those too that `use` draws again
 
-    def end(self) -> None:
-        self.states.pop()
+    def read(self, data: bytes) -> None:
+        """Read a document. Raises ValueError."""
+        tree = _TreeReader()
+        root = tree.read(data)
+        self.by_id, self.sheet = tree.by_id, StyleSheet(tree.style)
+        self.draw(root, _State())
 
-    def start(self, namespace: str, tag: str, attributes: dict[str, str]) -> None:
-        above = self.states[-1] if self.states else _State()
-        drawn = namespace in ("", SVG_NAMESPACE) and above is not None
-        self.states.append(self.enter(above, tag, attributes) if drawn and above else None)
+    def draw(self, node: _Node, above: _State, size: Mapping[str, str] | None = None) -> None:
+        """Add the curves of an element and of what is in it.
 
-    def enter(self, above: _State, tag: str, attributes: dict[str, str]) -> _State | None:
-        """Give the state of an element; add the curves of a shape."""
-        shape = tag in SHAPES or Data.PATH in attributes
-        style = attributes.get("style", "")
-        if css_property("display", style, attributes) == "none" or not (shape or tag in GROUPS):
+        `size` : width and height of the `use` that draws it
+        """
+        self.elements += 1
+        depth = len(above.elements)
+        if self.elements > limits.MAX_ELEMENTS or depth >= limits.MAX_DEPTH:
+            raise ValueError(
+                f"more than {limits.MAX_ELEMENTS} elements, or {limits.MAX_DEPTH} inside one "
+                "another, with what `use` draws: simplify it first"
+            )
+        try:
+            state = self.enter(above, node, size)
+        except ValueError as error:
+            raise ValueError(f"{placed(node.line, node.tag, node.attributes)}: {error}") from None
+        if state is None:
+            return
+        if node.tag == "use":
+            self.draw_used(node, state)
+        elif node.tag == "switch":
+            for child in [child for child in node.children if _is_chosen(child)][:1]:
+                self.draw(child, state)
+        else:
+            for child in node.children:
+                self.draw(child, state)
+
+    def draw_used(self, node: _Node, state: _State) -> None:
+        """Draw what a `use` refers to in its own document. Raises ValueError on a cycle."""
+        href = node.attributes.get("href", node.attributes.get(XLINK_HREF, "")).strip()
+        target = self.by_id.get(href[1:]) if href[:1] == "#" else None
+        if target is None or not href[1:]:
+            return
+        if href in state.used:
+            raise ValueError(f'line {node.line}, <use>: "{quoted(href)}" draws itself')
+        x, y = (
+            length(node.attributes.get(name, "0"), name, whole)
+            for name, whole in zip("xy", state.view, strict=True)
+        )
+        matrix = compose(state.matrix, (1.0, 0.0, 0.0, 1.0, x, y))
+        size = {k: v for k, v in node.attributes.items() if k in ("width", "height")}
+        self.draw(target, replace(state, matrix=matrix, used=(*state.used, href)), size)
+
+    def enter(self, above: _State, node: _Node, size: Mapping[str, str] | None) -> _State | None:
+        """Give the state of an element; add the curves of a shape. None: nothing in it is drawn."""
+        tag, attributes = node.name, node.attributes
+        shape = tag in SHAPES or (Data.PATH in attributes and tag)
+        if not (shape or tag in GROUPS or (tag == "symbol" and size is not None)):
             return None
         if Data.HIDDEN in attributes:  # a layer of ours, of what is behind the shape
             return None
-        visibility = css_property("visibility", style, attributes)
-        visible = above.visible if visibility in ("", "inherit") else visibility == "visible"
-        matrix, view = above.matrix, above.view
-        if "transform" in attributes:
-            matrix = compose(matrix, parse_transform(attributes["transform"]))
-        state = _State(matrix, _kind(attributes, above.kind), visible, view)
+        elements = (*above.elements, Named.of(tag, attributes))
+        given = {name: attributes[name].strip().lower() for name in LOOKS if name in attributes}
+        given |= self.sheet.properties(elements) | declarations(attributes.get("style", ""))
+        if given.get("display") == "none" or parse_share(given.get("opacity", ""), 1.0) == 0.0:
+            return None
+        if tag == "path" and TONE_CLASS in elements[-1].classes:  # of a stroke of ours
+            return None
+        state = _State(
+            _own_matrix(above.matrix, node, given),
+            _kind(attributes, above.kind),
+            _visible(given.get("visibility", ""), above.visible),
+            above.view,
+            _paint(given.get("fill", ""), above.fill),
+            _paint(given.get("stroke", ""), above.stroke),
+            elements,
+            above.used,
+        )
         if shape:
-            if visible:
+            if state.visible and (tag == "line" or {state.fill, state.stroke} != {"none"}):
                 self.add(tag, attributes, state)
             return None
-        if tag != "svg":
+        if tag not in ("svg", "symbol"):
             return state
-        matrix, view = self.viewport(attributes, state)
-        return _State(matrix, state.kind, visible, view)
+        matrix, view = self.viewport({**attributes, **(size or {})}, state, not above.elements)
+        return replace(state, matrix=matrix, view=view)
 
     def viewport(
-        self, attributes: Mapping[str, str], state: _State
+        self, attributes: Mapping[str, str], state: _State, root: bool
     ) -> tuple[Affine, tuple[float, float]]:
-        """Find the matrix of what is inside an svg element, and the (width, height) of its view.
+        """Find the matrix of what is inside an svg or symbol, and the (width, height) of its view.
 
         Percentages are of the view.
         """
-        root = not self.states
         view_box = _view_box(attributes)
         into = self.root_box(attributes) if root else _nested_box(attributes, state.view)
         matrix = state.matrix
@@ -188,6 +304,33 @@ class _ShapeReader:
         return found & (np.abs(cubics[first, 0] - cubics[last, 3]) <= SAME_POINT).all(axis=1)
 
 
+def _is_chosen(node: _Node) -> bool:
+    """Whether a switch may draw an element: the first such is drawn."""
+    language = node.attributes.get("systemLanguage", "en")
+    wanted = any(name.strip().lower().split("-")[0] == "en" for name in language.split(","))
+    return bool(node.name) and wanted and not node.attributes.get("requiredExtensions")
+
+
+def _own_matrix(above: Affine, node: _Node, given: Mapping[str, str]) -> Affine:
+    """From the coordinates of an element to the canvas; `given` are its CSS properties.
+
+    The data of a textured stroke of ours are told in those of the group around its shape.
+    """
+    if Data.PATH in node.attributes and Data.MARGIN in node.attributes and node.tag in OF_STROKES:
+        return above
+    if given.get("transform", "none") != "none":
+        return compose(above, parse_css_transform(given["transform"]))
+    return compose(above, parse_transform(node.attributes.get("transform", "")))
+
+
+def _visible(given: str, above: bool) -> bool:
+    return above if given in ("", "inherit") else given == "visible"
+
+
+def _paint(given: str, above: str) -> str:
+    return above if given in ("", "inherit") else given
+
+
 def _kind(attributes: Mapping[str, str], above: int) -> int:
     """The kind of line that an element's class, label or id names; else that of what it is in."""
     for key in (Data.CLASS, LABEL, "id", "class"):
@@ -240,5 +383,11 @@ def _subpaths(
     if tag in ("polyline", "polygon"):
         points = attributes.get("points", "")
         close = "Z" if tag == "polygon" and points.strip(SPACE) else ""
-        return parse_path(points + close, command="M", name="points")
+        return parse_path(_whole_points(points) + close, command="M", name="points")
     return parse_path(shape_path(tag, attributes, view))
+
+
+def _whole_points(points: str) -> str:
+    """A list of points without a last coordinate that has no other, as SVG 2 draws it."""
+    numbers = list(re.finditer(NUMBER, points[: limits.MAX_TEXT]))
+    return points[: numbers[-1].start()].rstrip(f"{SPACE},") if len(numbers) % 2 else points

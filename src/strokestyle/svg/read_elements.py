@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from ..geometry.affine import IDENTITY, Affine, compose, is_flat
 from .format import FORMAT, LIMITS, PAPER_ID, RDF_NAMESPACES, STROKE_CLASS, TONE_CLASS, Data
-from .path_data import parse_transform
+from .path_data import parse_share, parse_transform
 from .read_texture import Shape
 from .xml import SVG_NAMESPACE, SaxReader, css_property
 
@@ -308,14 +308,6 @@ def _inherit(above: State, attributes: dict[str, str]) -> State:
         visible=above.visible if visibility in ("", "inherit") else visibility == "visible",
         rendered=above.rendered and given("display") != "none",
     )
-
-
-def parse_share(text: str, default: float) -> float:
-    """Read an opacity, in [0, 1]; `default` where the text is none."""
-    match = re.fullmatch(r"([+-]?[0-9]*\.?[0-9]+(?:e[+-]?[0-9]{1,3})?)(%?)", text[:40])
-    if not match:
-        return default
-    return min(max(float(match[1]) / (100.0 if match[2] else 1.0), 0.0), 1.0)
 
 
 def _count_effects(attributes: Mapping[str, str]) -> int:

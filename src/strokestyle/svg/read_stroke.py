@@ -28,9 +28,9 @@ from .format import DATA, INKSCAPE_NAMESPACE, LIMITS, STROKE_CLASS, TONE_CLASS, 
 from .kept import DrawnStroke
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
 from .markup import Element
-from .path_data import parse_numbers, parse_path
+from .path_data import parse_numbers, parse_path, parse_share
 from .power_stroke import EFFECT
-from .read_elements import StrokeElement, parse_share
+from .read_elements import StrokeElement
 from .read_texture import (
     CHORD,
     Budget,

@@ -93,8 +93,7 @@ class SaxReader:
         try:
             self.start(namespace, tag, attributes)
         except ValueError as error:
-            which = f' id="{quoted(attributes["id"])}"' if "id" in attributes else ""
-            raise ValueError(f"line {self.line}, <{tag}{which}>: {error}") from None
+            raise ValueError(f"{placed(self.line, tag, attributes)}: {error}") from None
 
     def _end(self, _: str) -> None:
         self.depth -= 1
@@ -107,6 +106,12 @@ class SaxReader:
 
     def _refuse(self, *_: object) -> None:
         raise ValueError(UNSAFE)
+
+
+def placed(line: int, tag: str, attributes: dict[str, str]) -> str:
+    """Name an element for a message: by its line, its tag and its id."""
+    which = f' id="{quoted(attributes["id"])}"' if "id" in attributes else ""
+    return f"line {line}, <{tag}{which}>"
 
 
 def css_property(name: str, style: str, attributes: dict[str, str]) -> str:

@@ -229,12 +229,13 @@ async function writeDrawing(drawing, marks) {
  */
 function withDataOnShapes(text) {
   const group = `(<g\\b[^<>]* class="${STROKE_CLASS}"[^<>]*>)`;
-  const stroke = new RegExp(`${group}((?:\\s*<desc>[^<]*</desc>)?\\s*<(?:path(?: d="[^"]*")?|image))([^]*?</g>)`, "g");
+  const first = String.raw`((?:\s*<desc>[^<]*</desc>)?\s*<(?:path(?: d="[^"]*")?|image))`;
+  const stroke = new RegExp(`${group}${first}([^]*?</g>)`, "g");
   const attribute = new RegExp(` ${DATA}[a-z]+="[^"]*"`, "g");
-  return text.replace(stroke, (_, head, first, rest) => {
+  return text.replace(stroke, (_, head, shape, rest) => {
     const data = head.match(attribute) ?? [];
     const others = rest.replaceAll("<path ", `<path class="${TONE_CLASS}" `);
-    return head.replaceAll(attribute, "") + first + data.join("") + others;
+    return head.replaceAll(attribute, "") + shape + data.join("") + others;
   });
 }
 
