@@ -12,15 +12,15 @@ from ..geometry.curves import is_kind, owner
 from ..geometry.kinds import SOFT_KINDS
 from ..mesh.sheets import PLANE
 from ..mesh.surface import Surface
-from ..mesh.triangles import any_corner, row_dot
+from ..mesh.triangles import any_corner
 from .camera import Camera
 from .chain import chain_segments
+from .face_shapes import FaceShapes, mean_around
 from .line_options import LineOptions
 from .rays import Bvh
 from .seams import Seams
 from .section_lines import cut_curves, opened, section_curves
 from .segments import (
-    NEXT_CORNER,
     Facets,
     Segments,
     Trimmed,
@@ -69,7 +69,12 @@ class SurfaceLines:
     def alike(self, options: LineOptions) -> SurfaceLines:
         """Make the lines of the same surface by other thresholds, without working out all anew."""
         lines = replace(self, options=options)
-        kept = {"bvh": True, "trust": True, "smoothed": options.smooth == self.options.smooth}
+        kept = {
+            "bvh": True,
+            "shapes": True,
+            "trust": True,
+            "smoothed": options.smooth == self.options.smooth,
+        }
         kept |= dict.fromkeys(
             ("crease_edges", "near_creases"), options.crease == self.options.crease
         )
@@ -138,7 +143,12 @@ class SurfaceLines:
     @cached_property
     def bvh(self) -> Bvh:
         """What finds the faces of the surface that rays hit."""
-        return Bvh(self.surface)
+        return Bvh(self.surface, self.shapes)
+
+    @cached_property
+    def shapes(self) -> FaceShapes:
+        """How large the faces of the surface are."""
+        return FaceShapes.of(self.surface.vertices, self.surface.faces)
 
     @cached_property
     def _whole(self) -> SurfaceLines:
@@ -170,7 +180,7 @@ class SurfaceLines:
     @cached_property
     def facets(self) -> Facets | None:
         """Faces so large that contours run round them instead of through them."""
-        return Facets.of(self.surface)
+        return Facets.of(self.surface, self.shapes)
 
     @cached_property
     def seams(self) -> Seams:
@@ -197,7 +207,7 @@ class SurfaceLines:
     @cached_property
     def trust(self) -> np.ndarray:
         """How far curvature may be believed at each vertex, (V,) in 0..1; see `trust_in_shape`."""
-        return trust_in_shape(self.surface)
+        return trust_in_shape(self.surface, self.shapes)
 
     @cached_property
     def near_creases(self) -> np.ndarray:
@@ -302,21 +312,17 @@ def flat_folds(surface: Surface) -> np.ndarray:
     return edge[beside < FLAT_BESIDE * bend[edge]]
 
 
-def trust_in_shape(surface: Surface) -> np.ndarray:
+def trust_in_shape(surface: Surface, shapes: FaceShapes | None = None) -> np.ndarray:
     """Measure how far curvature may be believed at each vertex, (V,) in 0..1.
 
     Curvature is read off differences along all sides of a face, and means little where some are
     many times shorter than others, as on the flanks of a machine part: 0 where the faces around a
     vertex are SLIVERS[0] times as high as long, 1 where they are SLIVERS[1] times.
+    `shapes` : those of its faces, where they are known
     """
-    corner = surface.vertices[surface.faces]
-    side = corner - corner[:, NEXT_CORNER]
-    longest = np.einsum("fij,fij->fi", side, side).max(axis=1)
-    area = np.cross(side[:, 0], side[:, 1])
-    shape = np.sqrt(row_dot(area, area)) / np.maximum(longest, 1e-30)
-    index, count = surface.faces.ravel(), len(surface.vertices)
-    around = np.maximum(np.bincount(index, minlength=count), 1)
-    mean = np.bincount(index, np.repeat(shape, 3), count) / around
+    area, longest, _ = shapes or FaceShapes.of(surface.vertices, surface.faces)
+    shape = area / np.maximum(longest * longest, 1e-30)
+    mean = mean_around(surface.faces, shape, len(surface.vertices))
     return np.clip((mean - SLIVERS[0]) / (SLIVERS[1] - SLIVERS[0]), 0.0, 1.0)
 
 

@@ -15,6 +15,7 @@ from ..mesh.surface import Surface
 from ..mesh.triangles import row_dot, unit_rows
 from .embree import FirstHits, scene
 from .eye import at_infinity
+from .face_shapes import FaceShapes, mean_around
 
 NEAR_BY = 4.0  # longest sides of the shape from its middle: an eye that is not far away
 MAX_ROUNDS = 12  # re-traces past ignored hits; what is still open then counts as hidden
@@ -57,9 +58,11 @@ class Bvh:
     ----------
     surface : Surface, or anything with vertices (V, 3), faces (F, 3) and unit normals (V, 3);
         where it has `component` (F,), its connected bodies are told apart
+    shapes : of its faces, where they are known
     """
 
-    def __init__(self, surface: Surface) -> None:
+    def __init__(self, surface: Surface, shapes: FaceShapes | None = None) -> None:
+        self._shapes = shapes
         self.vertices = np.asarray(surface.vertices, np.float64)
         self.faces = np.asarray(surface.faces, np.int64)
         self.normals = np.asarray(surface.normals, np.float64)
@@ -86,20 +89,11 @@ class Bvh:
         The height is the mean of the faces at a corner, of the corner where it is most: slivers
         among better faces count as these.
         """
-        place = [self.vertices[:, axis][self.faces].T for axis in range(3)]  # columns: faster
-        one, two = ([p[i] - p[0] for p in place] for i in (1, 2))
-        third = [p[2] - p[1] for p in place]
-        lengths = [np.sqrt(x * x + y * y + z * z) for x, y, z in (one, two, third)]
-        (x, y, z), (u, v, w) = one, two
-        double_area = np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2)
-        height = double_area / np.maximum(np.maximum.reduce(lengths), 1e-300)
-        count, total = np.zeros((2, len(self.vertices)))
-        for corner in self.faces.T:
-            count += np.bincount(corner, minlength=len(count))
-            total += np.bincount(corner, height, len(count))
-        mean = total / np.maximum(count, 1.0)
+        shapes = self._shapes or FaceShapes.of(self.vertices, self.faces)
+        height = shapes.area / np.maximum(shapes.longest, 1e-300)
+        mean = mean_around(self.faces, height, len(self.vertices))
         most = np.maximum.reduce([mean[corner] for corner in self.faces.T])
-        return np.minimum(sum(lengths) / 3.0, 3.0 * most)
+        return np.minimum(shapes.mean_side, 3.0 * most)
 
     def _run(self, origins: np.ndarray, directions: np.ndarray) -> FirstHits:
         """Trace rays (N, 3) in embree's own units; distances are in lengths of the directions."""

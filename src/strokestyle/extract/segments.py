@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from ..geometry.curves import KINDS
 from ..mesh.surface import Surface
 from ..mesh.triangles import all_corners, any_corner, row_dot
+from .face_shapes import FaceShapes
 from .intersections import TOUCH, crossings
 from .line_options import LineOptions
 from .surface_curves import barycentric, interpolate_on_faces
@@ -27,6 +28,7 @@ MIN_CROSSING, GRAZING = 10.0, 3.0  # degrees, see intersection_segments
 ON_EDGE = 1e-6  # barycentric: what weighs a corner less lies on the side opposite
 SOFTNESS = 0.03  # of n.v against the derivative, in the strength of suggestive contours
 SAG, LONG = 3e-3, 0.02  # of the longest side of a body; see coarse_faces
+ROUNDING = 1e-9
 FLAT = 1e-6  # longest sides by which a point lies off a plane that it is in
 EDGE_ON = 1e-9  # n.v of a facet that is seen from the side
 # The corners after and before corner 0, 1, 2 of a face.
@@ -242,9 +244,9 @@ class Facets(NamedTuple):
     smooth: np.ndarray
 
     @classmethod
-    def of(cls, surface: Surface) -> Facets | None:
+    def of(cls, surface: Surface, shapes: FaceShapes | None = None) -> Facets | None:
         """Find the facets of a surface, None where it has none."""
-        mask = coarse_faces(surface)
+        mask = coarse_faces(surface, shapes)
         if not mask.any():
             return None
         one, two = surface.edge_faces.T
@@ -253,7 +255,7 @@ class Facets(NamedTuple):
         return cls(mask, np.flatnonzero(folding), np.flatnonzero(~mask))
 
 
-def coarse_faces(surface: Surface) -> np.ndarray:
+def coarse_faces(surface: Surface, shapes: FaceShapes | None = None) -> np.ndarray:
     """Find the faces that no smooth contour may cross, (F,) bool.
 
     Where a mesh is so coarse that its facets show, n.v = 0 on interpolated normals leaves the
@@ -263,9 +265,15 @@ def coarse_faces(surface: Surface) -> np.ndarray:
     And it is so on a strip of faces between creases, as around a can, if they are LONG: it is
     ruled, and its rims are polygons. Faces that touch such ones go with them: half of what turns at
     a vertex would look otherwise than the other half.
+    `shapes` : those of its faces, where they are known
     """
+    longest = (shapes or FaceShapes.of(surface.vertices, surface.faces)).longest
     size = _body_sizes(surface)
-    corner = surface.faces.T
+    # normals differ by 2 at most: no face with shorter sides is one of these
+    may = np.flatnonzero(longest > min(4.0 * SAG, LONG) * (1.0 - ROUNDING) * size)
+    if not len(may):
+        return np.zeros(len(surface.faces), bool)
+    corner, size = surface.faces[may].T, size[may]
     rise, square = np.zeros(corner.shape), np.zeros(corner.shape)  # of each side
     for place, normal in zip(surface.vertices.T, surface.normals.T, strict=True):
         place, normal = place[corner], normal[corner]  # axis by axis: many times faster
@@ -274,18 +282,23 @@ def coarse_faces(surface: Surface) -> np.ndarray:
         square += chord * chord
     rise, square = np.maximum.reduce(np.abs(rise)), np.maximum.reduce(square)
     repeated = np.bincount(surface.weld, minlength=len(surface.vertices)) > 1
-    strip = all_corners(surface.faces, repeated[surface.weld]) & (square > (LONG * size) ** 2)
+    strip = all_corners(corner.T, repeated[surface.weld]) & (square > (LONG * size) ** 2)
     coarse = np.zeros(len(surface.vertices), bool)
-    coarse[surface.faces[strip | (rise > 8.0 * SAG * size)]] = True
+    coarse[corner[:, strip | (rise > 8.0 * SAG * size)]] = True
     return any_corner(surface.faces, coarse)
 
 
 def _body_sizes(surface: Surface) -> np.ndarray:
     """Measure the longest side of the body that each face belongs to, (F,)."""
+    count = surface.component.max() + 1
+    if count == 1:
+        used = np.zeros(len(surface.vertices), bool)
+        used[surface.faces.ravel()] = True
+        every = np.ptp(surface.vertices if used.all() else surface.vertices[used], axis=0).max()
+        return np.broadcast_to(every, len(surface.faces))
     body = np.zeros(len(surface.vertices), np.int64)
     for corner in surface.faces.T:
         body[corner] = surface.component
-    count = surface.component.max() + 1
     low, high = np.full((3, count), np.inf), np.full((3, count), -np.inf)
     for axis, least, most in zip(surface.vertices.T, low, high, strict=True):
         np.minimum.at(least, body, axis)
@@ -628,7 +641,7 @@ def _ridge_pieces(
 
     A side counts if at least one of its arrows leads along it towards the other end.
     """
-    faces = _uphill_faces(surface, among, uphill, slope)
+    faces = _uphill_faces(surface, _turning(surface, among, uphill), uphill, slope)
     opposed, ahead = _opposed(faces), faces.point[:, NEXT_CORNER] - faces.point
     leads = row_dot(faces.arrow, ahead) >= 0.0
     leads |= row_dot(faces.arrow[:, NEXT_CORNER], ahead) <= 0.0
@@ -639,8 +652,23 @@ def _apparent_pieces(
     surface: Surface, among: np.ndarray, uphill: np.ndarray, slope: np.ndarray
 ) -> Pieces:
     """Find maxima as rtsc does for apparent ridges: all arrows of a face lead towards the line."""
-    faces = _uphill_faces(surface, among, uphill, slope)
+    faces = _uphill_faces(surface, _turning(surface, among, uphill), uphill, slope)
     return _pieces(surface, faces, _opposed(faces), led_to=True)
+
+
+def _turning(surface: Surface, among: np.ndarray, uphill: np.ndarray) -> np.ndarray:
+    """Take of faces (A,) those with two sides at whose ends arrows (V, 3) oppose each other.
+
+    Few have, and all that is laid out of a face is for these. One that hardly does not is taken.
+    """
+    corner = [surface.faces[among, i] for i in range(3)]
+    along = np.zeros((3, len(among)))
+    for axis in uphill.T:
+        a, b, c = (axis[i] for i in corner)
+        along += [a * b, b * c, c * a]
+    size = np.sqrt(row_dot(uphill, uphill))
+    least = ROUNDING * np.stack([size[corner[i]] * size[corner[i - 2]] for i in range(3)])
+    return among[(along <= least).sum(axis=0) >= 2]
 
 
 def _opposed(faces: UphillFaces) -> np.ndarray:

@@ -137,6 +137,11 @@ class Lines:
         """Measure the arc length of each curve, (C,), px."""
         return arc_length(self.xy, self.offsets)[self.last]
 
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Find points near a place: rows of `xy`."""
+        return quick_tree(self.xy)
+
     def mean_strength(self) -> np.ndarray:
         """Average the strength of each curve's points, (C,)."""
         if not len(self):
@@ -182,6 +187,11 @@ class Lines:
         offsets = np.r_[0, np.cumsum(count[good])]
         closed = (self.closed[of] & whole)[good]
         return self.made_of(np.flatnonzero(good[run]), offsets, self.kind[of[good]], closed)
+
+
+def quick_tree(xy: np.ndarray) -> cKDTree:
+    """Make a tree of points (N, 2) that is asked but a few times, which need not be balanced."""
+    return cKDTree(xy, compact_nodes=False, balanced_tree=False)
 
 
 def even(lines: Lines) -> Lines:
@@ -294,7 +304,7 @@ def ends_of(lines: Lines, reach: int | np.ndarray = 6) -> tuple[np.ndarray, np.n
 def near_others(lines: Lines, radius: float) -> np.ndarray:
     """Tell which ends, start then end of every curve, lie within `radius` px of another, (2C,)."""
     tip, _ = ends_of(lines)
-    tree, of = cKDTree(lines.xy), lines.of
+    tree, of = lines.tree, lines.of
     # a curve has hardly more than 2 radius points of its own so near to its tip; the next nearest
     # are others
     k = min(int(2.0 * radius / STEP) + 4, len(lines.xy))
