@@ -7,7 +7,7 @@ from stroke_zoo import stroke, together, zoo
 from strokestyle.drawing.outline import exact_rings, outlines
 from strokestyle.drawing.strokes import Strokes, signed_distance
 from strokestyle.geometry.bezier import fit_cubics
-from strokestyle.geometry.polygons import winding_number
+from strokestyle.geometry.polygons import areas, winding_number
 
 
 def outline(line, tolerance=0.1):
@@ -145,6 +145,41 @@ def test_exact_hairpins_have_a_round_turn_whichever_way_they_lie(angle):
     (ring,) = outline(stroke([[60, 60], to, [60, 60]], 12))
     tip = to + 5.5 * np.array([np.cos(angle), np.sin(angle)])
     assert winding_number(walked(ring), tip[None])[0] != 0
+
+
+@pytest.mark.parametrize("name", zoo())
+def test_outlines_fill_the_same_by_any_rule(name):
+    rings = [walked(ring) for ring in outline(zoo()[name])]
+    rng = np.random.default_rng(1)
+    points = rng.uniform(0, 140, (3000, 2))
+    often = sum(winding_number(ring, points) for ring in rings)
+    assert set(np.abs(often).tolist()) <= {0, 1}
+
+
+def test_a_figure_of_eight_has_two_holes_and_a_coil_none_where_it_lies_on_itself():
+    t = np.linspace(0, 2 * np.pi, 80)
+    eight = np.stack([70 + 40 * np.sin(t), 70 + 30 * np.sin(2 * t)], axis=1)
+    outer, *holes = outline(stroke(eight, 6, closed=True))
+    areas = [enclosed(ring) for ring in (outer, *holes)]
+    assert len(holes) == 2 and areas[0] < 0 < min(areas[1:]) and areas[1] == pytest.approx(areas[2])
+    coil = np.stack([70 + (20 + t) * np.cos(3 * t), 70 + (20 + t) * np.sin(3 * t)], axis=1)
+    outer, hole = outline(stroke(coil, 12))
+    # the inside of the first turn: by the outline's tolerance, and the centre line's own chords
+    assert enclosed(hole) == pytest.approx(np.pi * 15.2**2, rel=0.05)
+
+
+def test_outlines_that_do_not_cross_stay_as_they_were():
+    t = np.linspace(0, 1, 100)
+    line = stroke(np.stack([50 + 60 * t, 100 + 20 * np.sin(4 * t)], axis=1), 4 + 6 * t)
+    rows = line.rows(0)
+    made = exact_rings(line.xy[rows], 0.5 * line.thickness[rows], False, 0.02)
+    fitted = fit_cubics([ring for ring, _ in made], [corner for _, corner in made], 0.08)
+    assert all(np.array_equal(a, b) for a, b in zip(outline(line), fitted, strict=True))
+
+
+def enclosed(ring):
+    """The area in a ring of cubics, above 0 where it turns from x to y."""
+    return areas(walked(ring), np.array([0, 12 * len(ring)]))[0]
 
 
 @pytest.mark.parametrize("name", zoo())

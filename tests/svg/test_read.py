@@ -721,3 +721,18 @@ def test_a_long_stroke_of_grain_that_was_turned_and_rounded():
     ).strokes
     assert np.abs(got.xy[[0, -1]] - (line.xy[[0, -1]] @ turn + [15, -9])).max() < 0.2
     assert np.abs(got.thickness - 12).max() < 0.01
+
+
+def test_the_holes_of_an_outline_are_no_copies_of_its_stroke():
+    # an open loop whose hole is its outer edge made smaller
+    t = np.linspace(0, 2 * np.pi + 0.4, 60)
+    loop = np.stack([40 + 25 * np.cos(t), 40 + 25 * np.sin(t)], axis=1)
+    line = Strokes(loop, np.full(60, 6.0), [0, 60], [0], [False])
+    text = write_svg(Drawing(line, (160, 80), [[0, 0, 0, 1]]))
+    assert 'data-ss-rings="2"' in text and len(read_svg(text).strokes) == 1
+    d = re.search(r' d="(M[^"]*)"', text)[1]
+    moved = re.sub(r"M([0-9.]+)", lambda at: f"M{float(at[1]) + 70:g}", d)
+    merged = text.replace(d, d + moved)
+    copies = read_svg(merged).strokes
+    assert len(copies) == 2
+    assert np.abs(copies.xy[60:] - copies.xy[:60] - [70, 0]).max() < 0.01

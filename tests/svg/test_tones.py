@@ -9,6 +9,7 @@ from stroke_zoo import stroke, together, zoo
 from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.strokes import Drawing, Texture
 from strokestyle.geometry.curves import simplify_all
+from strokestyle.geometry.polygons import united
 from strokestyle.svg.tones import fit_bsplines, tone_shapes, tones
 from strokestyle.svg.write import png_from_svg, write_svg
 
@@ -63,6 +64,23 @@ def test_the_inside_of_a_tight_bend_is_filled_once():
     y, x = np.mgrid[0:560, 0:560] / 4 - 70
     within = (np.hypot(x, y) < 12) & (y > 1)
     assert (picture[within] < 10).mean() > 0.99  # no hole where the strip would be folded
+
+
+def test_tones_of_a_stroke_that_crosses_itself_fill_the_same_by_any_rule():
+    t = np.linspace(0, 2 * np.pi, 60)
+    line = stroke(np.stack([60 + 40 * np.sin(t), 60 + 30 * np.sin(2 * t)], axis=1), 14, closed=True)
+    noise = ndimage.gaussian_filter(np.random.default_rng(4).normal(0, 1, (400, 16)), 1.5)
+    rgba = np.zeros((400, 16, 4), np.uint8)
+    rgba[..., 3] = np.clip(130 + 500 * noise, 0, 255)
+    drawing = Drawing(line, (120, 120), [[0, 0, 0, 1]], Texture(rgba, [0, 400], 1.0))
+    text = write_svg(drawing, texture="vector")
+    even_odd = text.replace("<path ", '<path fill-rule="evenodd" ')
+    assert np.abs(rendered(text, 4) - rendered(even_odd, 4)).mean() < 1e-3
+    made = tones(drawing, [0])
+    for k in range(3):
+        mine = [r for r in range(len(made.tone)) if made.tone[r] == k]
+        rings = [made.points[made.offsets[r] : made.offsets[r + 1]] for r in mine]
+        assert united([ring.astype(float) for ring in rings], 0.5) is None
 
 
 def test_tones_add_up_to_the_mean_opacity():

@@ -1,4 +1,4 @@
-"""Draw strokes as outlines: rings of cubic Beziers, to be filled by the nonzero rule."""
+"""Draw strokes as outlines: rings of cubic Beziers that do not cross."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from ..geometry.bezier import fit_cubics
 from ..geometry.curves import counting
-from ..geometry.polygons import winding_number
+from ..geometry.polygons import united, winding_number
 from .strokes import SAME_POINT, Strokes, merge_coincident_points, signed_distance
 
 FIT_STEP = 1.5  # px between the points of an outline that its cubics are fitted to
@@ -34,8 +35,9 @@ def outlines(
     Returns
     -------
     for each stroke its rings, (K, 4, 2) float64 px: cubics, the last of a ring ending where its
-    first begins. Under the nonzero rule they fill a region within `tolerance` of the union of the
-    discs along the centre line. Where the stroke crosses itself so do its rings.
+    first begins. They fill a region within `tolerance` of the union of the discs along the centre
+    line, and do not cross: programs that fill by the even-odd rule, or cut areas into triangles,
+    show it too. The largest outer ring is the first; holes turn the other way.
 
     Raises
     ------
@@ -49,11 +51,25 @@ def outlines(
         rows = strokes.rows(i)
         radius = 0.5 * strokes.thickness[rows]
         made = exact_rings(strokes.xy[rows], radius, bool(strokes.closed[i]), 0.2 * tolerance)
+        made = _uncrossed(made)
         rings += [ring for ring, _ in made]
         corners += [corner for _, corner in made]
         ends.append(len(rings))
     fitted = fit_cubics(rings, corners, 0.8 * tolerance)
     return [fitted[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def _uncrossed(rings: list[tuple[np.ndarray, np.ndarray]]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Unite rings as `exact_rings` gives them where they cross; where they do not, they stay.
+
+    Where they crossed there is a corner.
+    """
+    made = united([ring for ring, _ in rings])
+    if not made:
+        return rings
+    tree = KDTree(np.concatenate([ring for ring, _ in rings]))
+    corner = np.r_[np.concatenate([corner for _, corner in rings]), True]  # of what is new
+    return [(ring, corner[tree.query(ring, distance_upper_bound=SAME_POINT)[1]]) for ring in made]
 
 
 def exact_rings(

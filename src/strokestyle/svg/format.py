@@ -62,6 +62,7 @@ class Data:
     OPACITY = "data-ss-opacity"
     MARGIN = "data-ss-margin"
     AT = "data-ss-at"
+    RINGS = "data-ss-rings"
     SPINE = "data-ss-spine"
     TEXTURE = "data-ss-texture"
     STRIP = "data-ss-strip"
@@ -114,6 +115,11 @@ FORMAT_CONSTANTS = {  # what a program that writes such files besides this one m
     "STRIP_COLORS": STRIP_COLORS,
     "STRIP_LEVELS_FEW": STRIP_LEVELS_FEW,
 }
+
+
+def usual_rings(closed: bool) -> int:
+    """Count the rings of a stroke's outline where it does not cross itself."""
+    return 2 if closed else 1
 
 
 class Limit(NamedTuple):

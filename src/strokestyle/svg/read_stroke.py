@@ -24,7 +24,16 @@ from ..geometry.affine import (
 from ..geometry.bezier import flatten
 from ..geometry.curves import KINDS, arc, arc_length, kind_named
 from ..geometry.parts import part_name
-from .format import DATA, INKSCAPE_NAMESPACE, LIMITS, STROKE_CLASS, TONE_CLASS, TRACK_NAME, Data
+from .format import (
+    DATA,
+    INKSCAPE_NAMESPACE,
+    LIMITS,
+    STROKE_CLASS,
+    TONE_CLASS,
+    TRACK_NAME,
+    Data,
+    usual_rings,
+)
 from .kept import DrawnStroke
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
 from .markup import Element
@@ -66,7 +75,7 @@ _STROKE = re.compile(
 _IMAGE = re.compile(r"data:image/png;base64,[\w+/=]*")
 _KEPT_NAMES = {
     Data.CLASS, Data.PATH, Data.WIDTH, Data.CLOSED, Data.TEXTURE, Data.MARGIN,
-    Data.AT, Data.SPINE, Data.OPACITY, "fill", "fill-opacity", "fill-rule", "d",
+    Data.AT, Data.RINGS, Data.SPINE, Data.OPACITY, "fill", "fill-opacity", "fill-rule", "d",
     "inkscape:original-d",
 }  # fmt: skip
 
@@ -353,10 +362,15 @@ def baked_transforms(element: StrokeElement, closed: bool) -> list[Affine]:
         if first.tag == "image":
             return [_baked_into_image(first, then)]
         merged = first.attributes is element.attributes and not element.of_shapes
-        rings = 2 if closed else 1  # in an outline
+        rings = _rings(element.attributes.get(Data.RINGS, ""), closed)
         return _baked_into_path(first, then, float(area), rings if merged else 0)
     except ValueError:
         return [IDENTITY]
+
+
+def _rings(text: str, closed: bool) -> int:
+    """How many rings an outline has, as told or as is usual."""
+    return int(text) if re.fullmatch("[1-9][0-9]{0,3}", text) else usual_rings(closed)
 
 
 def _baked_into_spine(shape: Shape) -> Affine:

@@ -20,7 +20,8 @@ from scipy.linalg import solveh_banded
 from ..drawing.ribbon import Ribbon, ribbon
 from ..drawing.strokes import Drawing
 from ..geometry.curves import arc, counting, owner, simplify_all, take_ragged
-from ..geometry.polygons import isolines
+from ..geometry.polygons import areas, isolines
+from .crossings import Groups, crossing_groups, separated_groups, united_groups
 from .format import TONE_UNIT
 from .ink import Inks, inks
 from .landmarks import fine_line
@@ -98,9 +99,11 @@ def tones(
     ink = ink or inks(texture)
     levels = _levels(alpha, rgba, strips, count, ink.color[index], ink.plain[index], known)
     contours = _contours(alpha, strips, bands, levels.threshold)
-    points, offsets, kept = _splines(contours.xy, contours.offsets, SLACK * tolerance)
-    stroke, tone = contours.stroke[kept], contours.tone[kept]
-    order = _largest_first(np.abs(_areas(points, offsets)), stroke * count + tone)
+    group = contours.stroke * count + contours.tone
+    made = _uncrossed(Groups(contours.xy, contours.offsets, group), SLACK * tolerance)
+    points, offsets, group = made
+    stroke, tone = np.divmod(group, count)
+    order = _largest_first(np.abs(areas(points, offsets)), group)
     rows, offsets = take_ragged(offsets, order)
     opacity = _painted_opacity(levels.level)
     return Tones(opacity, levels.color, points[rows], offsets, stroke[order], tone[order])
@@ -402,6 +405,20 @@ def _place(at: np.ndarray, frames: _Frames, columns: int) -> np.ndarray:
 # ------------------------------------------------------------------------------------------ splines
 
 
+def _uncrossed(contours: Groups, slack: float) -> Groups:
+    """The control polygons that `_splines` makes of contours, px, united where splines cross."""
+    points, ends, kept = _splines(contours.points, contours.offsets, slack)
+    made = Groups(points, ends, contours.group[kept])
+    crossed, much = crossing_groups(made)
+    if len(much):  # their corners must lie where the contours cross
+        whole = united_groups(contours.those(np.isin(contours.group, much)))
+        points, ends, kept = _splines(whole.points, whole.offsets, slack)
+        others = made.those(~np.isin(made.group, much))
+        made = others.joined(Groups(points, ends, whole.group[kept]))
+    some = np.isin(made.group, crossed)
+    return made.those(~some).joined(separated_groups(made.those(some))) if some.any() else made
+
+
 def _splines(
     xy: np.ndarray, offsets: np.ndarray, slack: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -411,7 +428,7 @@ def _splines(
     """
     if not len(xy):
         return np.zeros((0, 2), np.int64), np.zeros(1, np.int64), np.zeros(0, np.int64)
-    kept = np.flatnonzero(np.abs(_areas(xy, offsets)) > SPECK * slack * slack)
+    kept = np.flatnonzero(np.abs(areas(xy, offsets)) > SPECK * slack * slack)
     rows, offsets = take_ragged(offsets, kept)
     closed, ends = _repeated(xy[rows], offsets)
     keep = np.ones(len(closed), bool)
@@ -421,7 +438,7 @@ def _splines(
         if count <= MAX_POINTS or slack >= MAX_SLACK:
             break
         slack = min(MAX_SLACK, slack * max(1.1, (count / MAX_POINTS) ** 0.6))
-        big = np.flatnonzero(np.abs(_areas(closed, ends)) > SPECK * slack * slack)
+        big = np.flatnonzero(np.abs(areas(closed, ends)) > SPECK * slack * slack)
         rows, ends = take_ragged(ends, big)
         closed, keep, kept = closed[rows], keep[rows], kept[big]
     keep[ends[1:] - 1] = False
@@ -553,13 +570,6 @@ def _repeated(xy: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarr
     rows = np.arange(ends[-1]) - ring
     rows[ends[1:] - 1] = offsets[:-1]
     return xy[rows], ends
-
-
-def _areas(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """The areas (R,) of closed polygons, of either sign."""
-    _, after = _neighbours(offsets)
-    cross = np.r_[0.0, np.cumsum(xy[:, 0] * xy[after, 1] - xy[:, 1] * xy[after, 0])]
-    return 0.5 * np.diff(cross[offsets])
 
 
 # -------------------------------------------------------------------------------------------- paths

@@ -42,6 +42,7 @@ from .format import (
     WIDTH_SLACK,
     Data,
     SvgOptions,
+    usual_rings,
 )
 from .images import stroke_images
 from .ink import Inks, inks
@@ -377,10 +378,11 @@ def _outlined(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Itera
         if options.inkscape_lpe
         else [None] * len(index)
     )
-    for rings, skeleton in zip(
-        outlines(drawing.strokes, options.tolerance, index), skeletons, strict=True
-    ):
+    made = outlines(drawing.strokes, options.tolerance, index)
+    for i, rings, skeleton in zip(index.tolist(), made, skeletons, strict=True):
         given = {Data.AT: _edge_at(fine_line(rings[0]))} if rings else {}
+        if len(rings) != usual_rings(bool(drawing.strokes.closed[i])):
+            given[Data.RINGS] = str(len(rings))
         given |= {"fill-rule": "nonzero", "d": rings_path(rings, options.decimals)}
         if skeleton is None:
             yield DrawnStroke(Element("path", given))

@@ -269,6 +269,7 @@ async function writeStroke(element, mark, options, tones) {
     ),
   );
   element.setAttribute(ATTRIBUTES.WIDTH, pairs.join(" "));
+  element.removeAttribute(ATTRIBUTES.RINGS); // of the outline that was
   if (mark.strip) await writeTexture(element, mark, options, tones);
   else element.setAttribute("d", ringsText(outlineOf(line, tolerance), decimals));
   const places = drawnAt(mark.strip ? element.querySelector("path, image") : element);

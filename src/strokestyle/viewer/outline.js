@@ -100,7 +100,7 @@ function offsetRing(px, py, r, turn, tolerance) {
 
 /**
  * The outline of a line as rings of cubics [[x0, y0, x1, y1, x2, y2, x3, y3], ...], to be filled by
- * the nonzero rule.
+ * the nonzero rule. Unlike outline.py's they cross where the line does.
  */
 function outlineOf(line, tolerance) {
   let [x, y, r] = distinct(
