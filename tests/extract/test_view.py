@@ -1,7 +1,9 @@
 """Views: feature maps in closed form, what curves read off them, hidden lines removed, files."""
 
+import gc
 import io
 import json
+import weakref
 import zipfile
 from dataclasses import replace
 
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from scipy.spatial import cKDTree
-from shapes import cube, wheel
+from shapes import cube, torus, wheel
 
 from strokestyle.extract import visible
 from strokestyle.extract.camera import Camera, fit_camera
@@ -18,6 +20,7 @@ from strokestyle.extract.feature_maps import (
     NEURAL_STROKES_MAPS,
     NORMAL_MAPS,
     FeatureMaps,
+    _percentile,
     feature_maps,
     plain_raster,
 )
@@ -840,3 +843,40 @@ def test_optional_lines_leave_the_others_as_they_are():
     assert is_kind(more.curves.kind[first:], SOFT_KINDS).all()
     back = more.only(more.required)
     assert np.array_equal(back.curves.xy, plain.curves.xy)
+
+
+def test_a_surface_keeps_what_its_last_view_found():
+    surface = make_surface(*torus())
+    camera = fit_camera(surface.vertices, "30,40", width=200, height=200)
+    one = extract_view(surface, camera)
+    fresh = extract_view(make_surface(*torus()), camera.turned(40.0))
+    again = extract_view(surface, camera.turned(40.0))
+    np.testing.assert_array_equal(again.curves.xy, fresh.curves.xy)
+    np.testing.assert_array_equal(again.maps.values, fresh.maps.values)
+    few = LineOptions(kinds=("contour",))
+    assert set(extract_view(surface, camera, few).curves.kind) == {KINDS.index("contour")}
+    np.testing.assert_array_equal(extract_view(surface, camera).curves.xy, one.curves.xy)
+
+
+@pytest.mark.parametrize("smooth", [0.0, 0.01])
+def test_what_a_surface_keeps_goes_with_it(smooth):
+    """Without a circle: a batch of large meshes would hold several of them at a time."""
+    gc.disable()
+    try:
+        surface = make_surface(*cube(2))
+        camera = fit_camera(surface.vertices, width=64, height=64)
+        extract_view(surface, camera, LineOptions(smooth=smooth))
+        gone = weakref.ref(surface)
+        del surface
+        assert gone() is None
+    finally:
+        gc.enable()
+
+
+@pytest.mark.parametrize("count", [1, 2, 9, 10, 11, 1000])
+def test_a_percentile_is_the_value_of_that_rank(count):
+    rng = np.random.default_rng(count)
+    values = np.exp(rng.normal(0.0, 20.0, count)).astype(np.float32)
+    values[rng.random(count) < 0.3] = 0.0
+    for some in (values, np.round(values), np.full(count, 3.0, np.float32)):
+        assert _percentile(some, 0.9) == np.sort(some)[int(0.9 * (count - 1))]

@@ -122,6 +122,10 @@ class Scene:
         if library.rtcGetDeviceError(device):
             raise MemoryError(f"embree has no room for {len(faces)} faces")
 
+    def __reduce__(self) -> tuple:
+        """Copy the triangles, which another process hands over anew."""
+        return scene, (self._vertices[:-1], self._faces)
+
     def _attach(self, library: ctypes.CDLL, device: int) -> None:
         """Share the triangles with the scene."""
         triangles = library.rtcNewGeometry(device, TRIANGLES)

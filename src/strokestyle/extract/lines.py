@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -41,6 +41,7 @@ from .view_curvature import ViewFields
 
 # Mean edges: a denser mesh is smoothed over less than LineOptions.smooth, or it would take long.
 MAX_SMOOTH = 3.0
+REMEMBERED = "_lines"  # where a surface has what is known of its lines
 CREASES = ("crease_edges", "near_creases")  # what one crease angle decides
 SLIVERS = (0.1, 0.25)  # height of a face by its longest side; see trust_in_shape
 DUPLICATE_FACES, DUPLICATE_EDGES = 3, 14  # see SurfaceLines.near_creases
@@ -65,6 +66,25 @@ class SurfaceLines:
     surface: Surface
     options: LineOptions = LineOptions()
     left: np.ndarray | None = None
+
+    @classmethod
+    def again(cls, surface: Surface, options: LineOptions) -> SurfaceLines:
+        """Make lines that know what those last remembered knew, where the options are the same."""
+        lines = cls(surface, options)
+        of, known = vars(surface).get(REMEMBERED, (None, {}))
+        if of == options:
+            vars(lines).update(known)
+        return lines
+
+    def remember(self) -> None:
+        """Leave what was worked out with the surface, as long as that lives, for `again`."""
+        own = {each.name for each in fields(self)}
+        known = {
+            name: value
+            for name, value in vars(self).items()
+            if name not in own and value is not self.surface  # which must not know itself
+        }
+        vars(self.surface)[REMEMBERED] = self.options, known
 
     def alike(self, options: LineOptions) -> SurfaceLines:
         """Make the lines of the same surface by other thresholds, without working out all anew."""

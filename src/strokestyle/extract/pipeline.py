@@ -54,7 +54,8 @@ def extract_view(
     spacing : px between the points of the curves
     hidden : also the hidden parts, of the kinds in HARD_KINDS: those describe the shape, the others
         only how its front looks
-    lines : the lines of this surface and these options, where several views are drawn of them
+    lines : the lines of this surface and these options, where several views are drawn of them; by
+        default the surface keeps what the last view of it found, for one by the same options
     optional : also the lines that an artist may draw besides, as `View.optional`; the others are
         the same with and without
 
@@ -63,7 +64,7 @@ def extract_view(
     ValueError
         where `lines` are those of another surface, or other lines than `options` ask for.
     """
-    lines = _lines_of(surface, options, lines)
+    given, lines = lines, _lines_of(surface, options, lines)
     found, unseen = lines.split_from(camera, hidden)
     sight = look_along(surface, camera, found, lines.bvh)
     fragments = sight.fragments()
@@ -79,6 +80,8 @@ def extract_view(
         behind = _tidied(surface, camera, apart, spacing)
     del found, unseen, sight, fragments  # of millions of points, where lines lie behind one another
     maps = feature_maps(surface, camera, maps_of, lines.bvh)
+    if given is None:
+        lines.remember()
     view = View(camera, seen.curves, maps, behind.curves, strength=seen.strength)
     view = replace(view, optional=more) if optional else view
     return _with_parts(view, surface, seen.faces, behind.faces)
@@ -208,7 +211,7 @@ def _lines_of(
 ) -> SurfaceLines:
     """Choose the lines given, where they are those that are asked for; else new ones."""
     if lines is None:
-        return SurfaceLines(surface, options or LineOptions())
+        return SurfaceLines.again(surface, options or LineOptions())
     if lines.surface is not surface or options not in (None, lines.options):
         raise ValueError("lines must be SurfaceLines of the same surface and options")
     return lines

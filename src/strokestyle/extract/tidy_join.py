@@ -273,7 +273,7 @@ def _trimmed(
         if len(part) < 4:
             continue
         tip, head = xy[before[-1]], xy[before[-1]] - xy[before[max(len(before) - 6, 0)]]
-        behind = (xy[part[: 8 * options.steps]] - tip) @ head <= 0.3 * np.linalg.norm(head)
+        behind = (xy[part[: 8 * options.steps]] - tip) @ head <= 0.3 * np.hypot(*head)
         skip = int(behind.argmin()) if not behind.all() else 0
         out[i] = part[min(skip, len(part) - 2) :]
     return out

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..geometry.curves import KINDS, Curves, arc_length, owner, resample, runs, take_ragged
+from ..geometry.curves import KINDS, Curves, arc_length, owner, resample, take_ragged
 from ..geometry.kinds import KIND_TABLE
 
 STEP = 1.0  # px between points while at work, and in the result
@@ -239,7 +239,10 @@ def flag_runs(
     -------
     the run of each point (N,); start, count and flag of each run (R,)
     """
-    bounds = np.union1d(runs(flag), offsets)
+    begins = np.ones(len(flag) + 1, bool)
+    begins[1:-1] = flag[1:] != flag[:-1]
+    begins[offsets] = True
+    bounds = np.flatnonzero(begins)
     start, count = bounds[:-1], np.diff(bounds)
     return np.repeat(np.arange(len(start)), count), start, count, flag[start]
 
@@ -254,7 +257,9 @@ def flip_short(
     run, start, count, is_on = flag_runs(flag, offsets)
     if np.ndim(shorter):
         shorter = np.asarray(shorter)[np.searchsorted(offsets, start, "right") - 1]
-    whole = np.isin(start, offsets) & np.isin(start + count, offsets)
+    ends = np.zeros(len(flag) + 1, bool)
+    ends[offsets] = True
+    whole = ends[start] & ends[start + count]
     turn = (is_on == value) & (count < shorter) & ~whole
     return flag ^ turn[run]
 

@@ -178,8 +178,8 @@ class _Grid:
         start = np.searchsorted(self.key, left)
         count = np.searchsorted(self.key, left + 2 * beyond, "right") - start
         total = np.cumsum(count.sum(axis=1))
-        cuts = np.searchsorted(total, np.arange(CHUNK, total[-1], CHUNK))
-        for some in np.split(np.arange(len(rows)), np.unique(cuts)):
+        cuts = np.unique(np.searchsorted(total, np.arange(CHUNK, total[-1], CHUNK)))
+        for some in map(slice, (0, *cuts), (*cuts, len(rows))):
             first, many = start[some].ravel(), count[some].ravel()
             found = np.repeat(first, many) + counting(many)
             yield np.stack([self.rows[found], np.repeat(rows[some], count[some].sum(axis=1))])
