@@ -1,6 +1,7 @@
 """PowerStrokes: skeletons and half widths of which Inkscape draws what we do, or a hand edits."""
 
 import io
+import re
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
@@ -14,6 +15,7 @@ from strokestyle.geometry.bezier import flatten
 from strokestyle.svg.format import SvgOptions
 from strokestyle.svg.path_data import parse_path
 from strokestyle.svg.power_stroke import power_strokes
+from strokestyle.svg.read import read_svg, read_svg_file
 from strokestyle.svg.write import png_from_svg, write_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -166,3 +168,47 @@ def ink(d, shift):
     size = f'width="{width}" height="{height}"'
     png = png_from_svg(f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{path}</svg>')
     return 255.0 - np.asarray(Image.open(io.BytesIO(png)).convert("L"))
+
+
+def test_widths_that_a_hand_edited_are_read():
+    ring, open_line = zoo()["circle"], zoo()["tapered"]
+    drawing = drawn([open_line, ring])
+    text = write_svg(drawing, inkscape_lpe=True, ids=["a", "b"])
+    assert read_svg(text).strokes.thickness[:2] == pytest.approx([0, 8])
+
+    def thicker(match):  # each half width 1 px more, as Inkscape writes numbers
+        pairs = [pair.split(",") for pair in match[1].split(" | ")]
+        return 'offset_points="' + " | ".join(f"{t},{float(w) + 1:.9g}" for t, w in pairs) + '"'
+
+    edited = read_svg_file(re.sub('offset_points="([^"]*)"', thicker, text))
+    strokes = edited.drawing.strokes
+    rows = strokes.rows(0)
+    along = strokes.xy[rows][:, 0]
+    want = np.interp(along, open_line[0][:, 0], open_line[1]) + 2
+    assert np.abs(strokes.thickness[rows] - want).max() < 0.25
+    assert strokes.thickness[strokes.rows(1)] == pytest.approx(8, abs=0.02) and strokes.closed[1]
+    again = write_svg(edited.drawing, edited.options, kept=edited.kept)
+    grown = read_svg(again).strokes
+    assert np.allclose(grown.thickness[grown.rows(1)], 8, atol=0.05)
+
+
+def test_a_skeleton_that_a_hand_edited_is_read():
+    drawing = drawn([(line((20, 20), (80, 20)), 6, False)])
+    text = write_svg(drawing, inkscape_lpe=True)
+    bent = re.sub('original-d="[^"]*"', 'original-d="M20 20c20 0 40 20 60 60"', text)
+    strokes = read_svg(bent).strokes
+    assert strokes.xy[-1] == pytest.approx([80, 80]) and strokes.thickness == pytest.approx(6.0)
+
+
+def test_what_inkscape_moved_turned_and_scaled_is_read(tmp_path):
+    drawing = drawn([zoo()["tapered"], zoo()["circle"]])
+    (tmp_path / "a.svg").write_text(write_svg(drawing, inkscape_lpe=True))
+    act = "select-all;transform-translate:20,10;transform-rotate:30;transform-scale:20"
+    inkscape(tmp_path / "a.svg", f"{act};export-filename:{tmp_path / 'b.svg'};export-do")
+    was, now = drawing.strokes, read_svg(tmp_path / "b.svg").strokes
+    ratio = [np.ptp(s.xy[s.rows(1)], axis=0).mean() for s in (now, was)]
+    scale = ratio[0] / ratio[1]
+    assert scale > 1.05
+    for i in (0, 1):
+        most = [s.thickness[s.rows(i)].max() for s in (now, was)]
+        assert most[0] == pytest.approx(scale * most[1], rel=0.02)

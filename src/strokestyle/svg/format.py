@@ -64,6 +64,7 @@ class Data:
     AT = "data-ss-at"
     RINGS = "data-ss-rings"
     SPINE = "data-ss-spine"
+    SWELL = "data-ss-swell"
     TEXTURE = "data-ss-texture"
     STRIP = "data-ss-strip"
 

@@ -9,6 +9,7 @@ spiro: arcs as well, and they bear any turn.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -19,14 +20,16 @@ from ..drawing.strokes import Strokes, merge_coincident_points
 from ..geometry.bezier import fit_lines
 from ..geometry.curves import arc, simplify
 from .centre_lines import line_path
-from .format import SvgOptions
+from .format import LIMITS, SvgOptions
 from .landmarks import FINE, fine_line
 from .markup import Element, numbers, units
+from .path_data import parse_path
 
 LINE_SLACK = 0.05  # px between a centre line and its skeleton
 WIDTH_SLACK = 0.1  # px between a width and Inkscape's, which interpolates between few of them
 TIP = 0.04  # px between the two nodes at which a skeleton turns back, and of a dot from end to end
 BACK = -0.7  # the cosine of a turn that is divided among two nodes
+MAX_TEXT = LIMITS["path_characters"].value
 NODE = 0.01  # of a curve: what is nearer to a node is at it
 SIDE_STEP = 0.25  # px between the places at which a side is looked at
 MAX_SIDES = 8000
@@ -74,6 +77,56 @@ def effect(name: str, offset_points: str) -> Element:
             "offset_points": offset_points,
         },
     )  # fmt: skip
+
+
+def swell(offset_points: str) -> float:
+    """Sum half widths, each times 1 + t: where it is another, somebody edited them.
+
+    Raises ValueError where they cannot be read.
+    """
+    t, half = _read_offset_points(offset_points)
+    return float((1.0 + t) @ half)
+
+
+def read_power_stroke(d: str, offset_points: str) -> tuple[np.ndarray, np.ndarray]:
+    """Read the centre line (n, 2) and the widths (n,) that Inkscape shows of a PowerStroke.
+
+    Parameters
+    ----------
+    d : path data of its skeleton, of which the first subpath counts
+    offset_points : as `PowerStroke` has them; between them widths are interpolated linearly
+
+    Raises
+    ------
+    ValueError
+        where they cannot be read, or draw nothing.
+    """
+    match = re.match("[^MmZz]*[Mm][^MmZz]*[Zz]?", d)
+    subpaths = parse_path(match[0] if match else "")
+    if not subpaths:
+        raise ValueError("a skeleton that draws nothing")
+    cubics = np.array(subpaths[0]).reshape(-1, 4, 2)
+    count = len(cubics)
+    t, half = _read_offset_points(offset_points)
+    at = np.union1d(np.arange(FINE * count + 1) / FINE, t[(t >= 0) & (t <= count)])
+    k = np.minimum(at.astype(np.int64), count - 1)
+    s = (at - k)[:, None]
+    p = cubics[k]
+    xy = (1 - s) ** 3 * p[:, 0] + 3 * s * (1 - s) ** 2 * p[:, 1]
+    xy += 3 * s**2 * (1 - s) * p[:, 2] + s**3 * p[:, 3]
+    closed = match is not None and match[0][-1] in "Zz"
+    return xy, 2.0 * np.interp(at, t, half, period=count if closed else None)
+
+
+def _read_offset_points(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """The places and half widths, both (n,), of offset points, by their places."""
+    if len(text) > MAX_TEXT:
+        raise ValueError(f"more than {MAX_TEXT} characters of offset points")
+    pairs = np.array([pair.split(",")[:2] for pair in text.split("|")], np.float64)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.isfinite(pairs).all():
+        raise ValueError("offset points are pairs of numbers")
+    t, half = pairs[np.argsort(pairs[:, 0], kind="stable")].T
+    return t, np.abs(half)
 
 
 class _Spine(NamedTuple):

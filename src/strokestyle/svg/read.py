@@ -145,7 +145,7 @@ def _strokes(
     for element in found.strokes:
         try:
             drawn = drawn_stroke(data, element, found.offset_points)
-            copies = read_strokes(element, origin, drawn, budget)
+            copies = read_strokes(element, origin, drawn, budget, found.offset_points)
         except ValueError as error:
             which = f' id="{quoted(element.id)}"' if element.id else ""
             raise ValueError(f"line {element.line}, stroke{which}: {error}") from None

@@ -38,7 +38,7 @@ from .kept import DrawnStroke
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
 from .markup import Element
 from .path_data import parse_numbers, parse_path, parse_share
-from .power_stroke import EFFECT
+from .power_stroke import EFFECT, read_power_stroke, swell
 from .read_elements import StrokeElement
 from .read_texture import (
     CHORD,
@@ -54,6 +54,7 @@ from .strip_image import read_strip
 
 MAX_PATH = LIMITS["path_characters"].value
 MAX_PLACE = LIMITS["place"].value
+SWELL_SLACK = 1e-5  # of the sum of widths, that is another program's rounding
 MAX_COPIES = 100  # of a stroke that are merged with it
 PATH_EFFECT = INKSCAPE_NAMESPACE + "}path-effect"
 ORIGINAL_PATH = INKSCAPE_NAMESPACE + "}original-d"
@@ -75,8 +76,8 @@ _STROKE = re.compile(
 _IMAGE = re.compile(r"data:image/png;base64,[\w+/=]*")
 _KEPT_NAMES = {
     Data.CLASS, Data.PATH, Data.WIDTH, Data.CLOSED, Data.TEXTURE, Data.MARGIN,
-    Data.AT, Data.RINGS, Data.SPINE, Data.OPACITY, "fill", "fill-opacity", "fill-rule", "d",
-    "inkscape:original-d",
+    Data.AT, Data.RINGS, Data.SPINE, Data.SWELL, Data.OPACITY, "fill", "fill-opacity", "fill-rule",
+    "d", "inkscape:original-d",
 }  # fmt: skip
 
 # a centre line as we write it
@@ -118,6 +119,7 @@ def read_strokes(
     origin: tuple[float, float],
     drawn: DrawnStroke | None,
     budget: Budget,
+    offset_points: Mapping[str, str],
 ) -> list[ReadStroke]:
     """Read an element as a stroke, and copies of it that are merged with it.
 
@@ -126,6 +128,7 @@ def read_strokes(
     origin : of the canvas, in the file's user units
     drawn : as `drawn_stroke` gives it
     budget : what is left for textures
+    offset_points : of the file's PowerStrokes, by the ids of their path effects
 
     Raises
     ------
@@ -138,6 +141,11 @@ def read_strokes(
         read_centre_line(attributes[Data.PATH], closed), attributes.get(Data.WIDTH, "1")
     )
     baked = baked_transforms(element, closed)
+    edited = _edited_power_stroke(element, offset_points)
+    if edited is not None:
+        (xy, width), baked, drawn = edited, [IDENTITY], None
+        closed = closed and bool(np.hypot(*(xy[0] - xy[-1])) < CHORD)
+        xy[-1] = xy[0] if closed else xy[-1]
     margin = _margin(attributes[Data.MARGIN]) if Data.MARGIN in attributes else 0.0
     kind = kind_named(attributes.get(Data.CLASS, ""))
     stroke = ReadStroke(
@@ -366,6 +374,31 @@ def baked_transforms(element: StrokeElement, closed: bool) -> list[Affine]:
         return _baked_into_path(first, then, float(area), rings if merged else 0)
     except ValueError:
         return [IDENTITY]
+
+
+def _edited_power_stroke(
+    element: StrokeElement, offset_points: Mapping[str, str]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """The centre line and widths of a PowerStroke whose skeleton or widths Inkscape edited.
+
+    None of any other, and of one that was but moved.
+    """
+    attributes = element.attributes
+    name = attributes.get(PATH_EFFECT, "").split(";")[0].removeprefix("#")
+    original, points = attributes.get(ORIGINAL_PATH, ""), offset_points.get(name, "")
+    if not (original and points and {Data.SPINE, Data.SWELL} <= attributes.keys()):
+        return None
+    try:
+        line = first_line(original)
+        then = _landmarks(attributes[Data.SPINE].split())
+        moved = recover_transform(then, landmarks(line), line)
+        if moved is not None:
+            was = float(attributes[Data.SWELL]) * math.sqrt(abs(determinant(moved)))
+            if abs(swell(points) - was) <= SWELL_SLACK * was + ROUNDING:
+                return None
+        return read_power_stroke(original, points)
+    except ValueError:
+        return None
 
 
 def _rings(text: str, closed: bool) -> int:

@@ -49,7 +49,7 @@ from .ink import Inks, inks
 from .kept import DrawnStroke, Kept, kept_strokes
 from .landmarks import enclosed, fine_line, landmarks
 from .markup import Element, hex_color, number, numbers, polyline_path, printable, rings_path, units
-from .power_stroke import EFFECT, effect, power_strokes
+from .power_stroke import EFFECT, effect, power_strokes, swell
 from .strip_image import strips_png
 from .tones import ToneShape, tone_shapes, tones
 
@@ -389,6 +389,7 @@ def _outlined(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Itera
             continue
         given["inkscape:original-d"] = skeleton.d
         given[Data.SPINE] = _at(landmarks(skeleton.line))  # Inkscape draws the outline anew
+        given[Data.SWELL] = number(swell(skeleton.offset_points), 2)
         yield DrawnStroke(Element("path", given), skeleton.offset_points)
 
 
