@@ -278,6 +278,36 @@ def far(points, line):
     return np.linalg.norm(points[:, None] - a - t[..., None] * d, axis=2).min(axis=1)
 
 
+# painted from step to step as a hand drags, at rest after that, and at once
+DRAGGED = """(() => {
+  const next = pictureOn(canvasAt(1));
+  const job = { ...jobOf(next, next.canvas.box), density: 1.5 };
+  const away = (a, b) => a.reduce((sum, value, i) => sum + Math.abs(value - b[i]), 0) / a.length;
+  const out = [];
+  for (const [goal, wiggle] of [[1.2, 0], [0.8, 0], [1.25, 2]]) {
+    const anew = () => ({ strokes: current.strokes.map((s) => ({ ...s, last: null })), marks: [] });
+    const edit = (thickness) => ({ ...UNEDITED, thickness, wiggle });
+    const sheet = anew();
+    let moving;
+    for (let k = 0; k <= 6; k++) moving = painted(sheet, { ...job, edit: edit(goal ** (k / 6)) });
+    const [exact, rest] = [anew(), sheet].map((each) =>
+      painted(each, { ...job, edit: edit(goal), density: Infinity }));
+    const before = painted(anew(), { ...job, edit: edit(1), density: Infinity });
+    out.push([away(moving, exact), away(before, exact), away(rest, exact)]);
+  }
+  return out;
+})()"""
+
+
+@in_browser
+def test_what_moves_is_nearly_what_stands_when_the_hand_rests(opened):
+    browser = opened(*(drawing(texture) for texture in (None, "grain", "colours")))
+    for i in range(3):
+        browser.run(f"showSheet(sheets[{i}])")
+        for moving, before, rest in browser.run(DRAGGED):
+            assert moving < 0.45 * before and before > 1 and rest == 0
+
+
 @in_browser
 def test_what_the_page_paints_is_the_drawing(opened):
     drawings = [drawing(texture) for texture in TEXTURES]

@@ -6,8 +6,11 @@
 
 const PLAIN = { thickness: 1, wiggle: 0, moves: [], removed: false };
 const UNEDITED = { thickness: 1, wiggle: 0, wavelength: 40, hidden: [], strokes: {} };
-// of its thickness: less stretches a texture so little that nobody sees it while things move
-const NEAR = 0.06;
+// of its thickness: less stretches a texture, and changes how stiff a ribbon is, so little that
+// nobody sees it while things move
+const NEAR = 0.25;
+const REHEARSED = [1, 0.9, 0.8, 0.7, 0.6, 0.9, 1.1, 1.2, 1.3, 1.5, 1.8, 2.1]; // thicknesses
+const PAUSE = 300; // ms after a job until a painter gets ready for the next
 const COARSE = 0.2; // px of a canvas that a ribbon may lie off while things move
 
 function strokeEdit(edit, number) {
@@ -51,7 +54,10 @@ function sameShape(a, b) {
 function markNow(sheet, stroke, edit, density = Infinity) {
   const wanted = effective(edit, stroke);
   const cached = sheet.marks[stroke.number];
-  if (cached && cached.density >= density && sameShape(cached.wanted, wanted)) return cached.mark;
+  if (cached && cached.density >= density) {
+    if (sameShape(cached.wanted, wanted)) return cached.mark;
+    if (density < Infinity && rethickened(cached, stroke, wanted)) return cached.mark;
+  }
   const mark = markOf(stroke, wanted, density);
   sheet.marks[stroke.number] = { wanted, mark, density };
   return mark;
@@ -97,13 +103,72 @@ function dressed(mark, { thickness }, density) {
 }
 
 /**
- * The strip of a stroke whose thickness alone changed, made coarsely; the last one is kept, and
- * will do a little longer.
+ * Whether a cached mark was made, in place and without new memory, that of an edit which changes
+ * its thickness alone, and that a little: most of what a mark costs is its ribbon.
+ */
+function rethickened(cached, stroke, wanted) {
+  const { mark, density } = cached;
+  const { thickness } = wanted;
+  if (density === Infinity || !mark.strip || !sameShape({ ...cached.wanted, thickness }, wanted))
+    return false;
+  const { band } = mark;
+  const { tx, ty, length, extent } = prepared(mark);
+  const first = (mark.first ??= {
+    thickness: cached.wanted.thickness,
+    width: mark.line.width,
+    half: band.half.slice(),
+    extent: extent.slice(),
+  });
+  if (mark.line.width === first.width)
+    mark.line = { ...mark.line, width: new Float64Array(first.width.length) };
+  const factor = thickness / first.thickness;
+  if (!(Math.abs(factor - 1) < nearOf(stroke))) return false;
+  const { x, y, half, along, row } = band;
+  const n = half.length - 1;
+  const { margin } = stroke;
+  for (let i = 0; i < first.width.length; i++) mark.line.width[i] = factor * first.width[i];
+  const [head, tail] = [half[0], half[n]];
+  let most = 0;
+  for (let i = 0; i <= n; i++) {
+    half[i] = margin + factor * (first.half[i] - margin);
+    if (half[i] > most) most = half[i];
+  }
+  if (!band.closed) {
+    // it runs on past its ends by its half width there
+    const [more, further] = [half[0] - head, half[n] - tail];
+    [x[0], y[0]] = [x[0] - more * tx[0], y[0] - more * ty[0]];
+    [x[n], y[n]] = [x[n] + further * tx[n - 1], y[n] + further * ty[n - 1]];
+    length[0] += more;
+    length[n - 1] += further;
+    for (let i = 1; i <= n; i++) along[i] += more;
+    along[n] += further;
+    band.length += more + further;
+  }
+  const grown = Math.max(2 * (factor - 1), 0) * most; // its caps as well
+  for (let i = 0; i < 4; i++) extent[i] = first.extent[i] + (i < 2 ? -grown : grown);
+  const { rows } = mark.strip;
+  mark.strip = thickened(stroke, thickness, density);
+  for (let i = 0; i <= n; i++) {
+    if (mark.line.was === stroke.line.was) row[i] = (along[i] / band.length) * mark.strip.rows - 0.5;
+    else row[i] = ((row[i] + 0.5) / rows) * mark.strip.rows - 0.5;
+  }
+  cached.wanted = wanted;
+  return true;
+}
+
+/** How much of its thickness a stroke may change until it is made anew: not all at once. */
+function nearOf({ number }) {
+  return (NEAR * (2 + (number % 4))) / 5;
+}
+
+/**
+ * The strip of a stroke whose thickness alone changed, made coarsely; its own or the last one that
+ * was made will do for a little change.
  */
 function thickened(stroke, thickness, density) {
   const { last } = stroke;
-  const near = (NEAR * (1 + (stroke.number % 4))) / 4; // not all strokes' at once
-  if (last?.density >= density && Math.abs(thickness / last.thickness - 1) < near)
+  if (Math.abs(thickness - 1) < nearOf(stroke)) return stroke.strip;
+  if (last?.density >= density && Math.abs(thickness / last.thickness - 1) < nearOf(stroke))
     return last.strip;
   const line = thickLine(stroke.line, thickness);
   const strip = carried(stroke, line, profileOf(line, stroke.margin), thickness, density);
@@ -184,6 +249,7 @@ function painted(sheet, { edit, view, density, background, x0, y0, width, height
 // in a worker: strokes are told once, then jobs come
 if (typeof document === "undefined") {
   const sheets = [];
+  let [worked, rehearsed] = [-Infinity, 0]; // when the last job was done; how often it was rehearsed
   onmessage = ({ data: { strokes, job } }) => {
     if (strokes) {
       sheets.push({ strokes, marks: [] });
@@ -191,20 +257,32 @@ if (typeof document === "undefined") {
     } else {
       const data = painted(sheets[job.sheet], job);
       postMessage(data, [data.buffer]);
+      worked = performance.now();
     }
   };
   // the first change shall not have to wait for what can be made beforehand, nor for the compiler:
-  // between jobs, all strokes are looked at and painted once, thinner, little changed or thicker
+  // while nobody asks for anything, textures are looked at, then the first drawing is painted small
+  // a few times, thinner and thicker, once bent
   const getReady = () => {
+    if (performance.now() - worked < PAUSE) {
+      setTimeout(getReady, PAUSE);
+      return;
+    }
     const waiting = sheets.flatMap(({ strokes }) => strokes.filter(({ ready }) => !ready));
     for (const stroke of waiting.slice(0, 4)) {
       stroke.ready = true;
       if (stroke.strip) grainOf(stroke);
-      const image = { data: new Uint8ClampedArray(4 * 256 * 256), width: 256, height: 256 };
-      const thickness = [0.6, 1.1, 2][stroke.number % 3];
-      const wanted = { thickness, wiggle: stroke.number % 2, wavelength: 40, moves: [] };
-      paintMark(markOf(stroke, wanted, 0.5), { scale: 0.5, x: 0, y: 0 }, image, [0, 0, 256, 256]);
     }
-    if (waiting.length) setTimeout(getReady);
+    if (!waiting.length && rehearsed < REHEARSED.length) rehearse(REHEARSED[rehearsed++]);
+    if (waiting.length || rehearsed < REHEARSED.length) setTimeout(getReady);
+  };
+  const rehearsal = { strokes: [], marks: [] };
+  const rehearse = (thickness) => {
+    rehearsal.strokes = sheets[0].strokes;
+    const edit = { ...UNEDITED, thickness, wiggle: thickness === 1 ? 2.5 : 0 };
+    const view = { scale: 0.37, x: 20.3, y: 10.6 };
+    const box = { x0: 20, y0: 10, width: 256, height: 256 };
+    painted(rehearsal, { edit, view, density: 0.42, background: 0xffffffff, ...box });
+    if (rehearsed === REHEARSED.length) rehearsal.marks = [];
   };
 }
