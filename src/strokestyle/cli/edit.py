@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Iterable, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -167,6 +168,37 @@ def edit(
         look["texture"] = texture
     check_look(look)
     check_outputs([output], [drawing] if drawing != "-" else [])
+    quickly = None if look else thickened(drawing, edits)
+    text, count, lost = quickly or edited_text(drawing, edits, look, seed)
+    write_svg_text(output, text)
+    written = f"{output}, {write_preview(output, text)}" if png else output
+    say(f"{drawing}: {count} strokes -> {written}{lost}")
+
+
+def thickened(drawing: str, edits: Sequence[GivenEdit]) -> tuple[str, int, str] | None:
+    """What `edited_text` gives, where every edit is of all thicknesses and the file allows for it.
+
+    None where not; what is wrong with a file is said where it is read as a drawing.
+    """
+    from .edit_text import Thickness
+
+    factors = [edit.apply.factor for edit in edits if isinstance(edit.apply, Thickness)]
+    if drawing == STANDARD_OUTPUT or not factors or len(factors) < len(edits):
+        return None
+    from ..svg.rescale import thickened_svg
+
+    try:
+        with timed("thickness"):
+            made = thickened_svg(Path(drawing).read_bytes(), math.prod(factors))
+    except (OSError, ValueError):
+        return None
+    return None if made is None else (*made, "")
+
+
+def edited_text(
+    drawing: str, edits: Iterable[GivenEdit], look: dict[str, Any], seed: int
+) -> tuple[str, int, str]:
+    """The SVG of an edited drawing, its number of strokes, and what was left out."""
     from ..svg.write import write_svg
     from .edit_text import NamedDrawing
 
@@ -177,9 +209,7 @@ def edit(
         raise ValueError(f"{drawing}: --drop takes out all {len(found.ids)} strokes: drop fewer")
     with timed("write the SVG"):
         text = write_svg(edited.drawing, found.options, ids=edited.ids, kept=found.kept, **look)
-    write_svg_text(output, text)
-    written = f"{output}, {write_preview(output, text)}" if png else output
-    say(f"{drawing}: {len(edited.ids)} strokes -> {written}{left_out(found)}")
+    return text, len(edited.ids), left_out(found)
 
 
 def make_edits(edits: Iterable[GivenEdit], drawing: NamedDrawing, seed: int) -> NamedDrawing:

@@ -104,7 +104,22 @@ def parse_edit(name: str, text: str) -> Edit:
     if name == "recolor":
         color = _color(value)
         return _on_named(names, lambda drawing, only, seed: recolor(drawing, color, only))
-    return _on_named(names, _parse_numeric(name, value))
+    edit = _on_named(names, _parse_numeric(name, value))
+    if name == "thickness" and not names:
+        return Thickness(_numbers(value, "--thickness", 1)[0], edit)
+    return edit
+
+
+@dataclass(frozen=True)
+class Thickness:
+    """The edit that multiplies every thickness by a factor."""
+
+    factor: float
+    edit: Edit
+
+    def __call__(self, named: NamedDrawing, seed: int) -> NamedDrawing:
+        """Make the edit."""
+        return self.edit(named, seed)
 
 
 # -------------------------------------------------------------------------- edits of named strokes

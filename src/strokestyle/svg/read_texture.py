@@ -27,7 +27,7 @@ DENSITY = 1.5  # texels a px, of what is drawn in tones
 MAX_PIXELS = LIMITS["image_pixels"].value
 MAX_RINGS = LIMITS["rings"].value
 CHORD = 0.05  # px between a curve and its chords
-_TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
+TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
 _PNG = re.compile(r"\s*data:image/png;base64,")  # other images, and elsewhere, are not looked at
 
 
@@ -129,7 +129,7 @@ def covered(d: str, points: np.ndarray, budget: Budget) -> np.ndarray:
     Raises ValueError on bad path data, and where the budget is spent.
     """
     budget.spend("looks", len(points))
-    is_tone = len(d) <= limits.MAX_TEXT and _TONES.fullmatch(d)
+    is_tone = len(d) <= limits.MAX_TEXT and TONES.fullmatch(d)
     rings, offsets = _tone_rings(d) if is_tone else _rings(d)
     return winding_number(rings, points, offsets, lambda pairs: budget.spend("looks", pairs)) != 0
 

@@ -590,7 +590,7 @@ class ToneShape(NamedTuple):
     @property
     def edge(self) -> np.ndarray:
         """Its first ring as a fine polyline (n, 2), px."""
-        return _edge(self.first)
+        return edge_of(self.first)
 
 
 def tone_shapes(regions: Tones) -> list[list[ToneShape]]:
@@ -632,8 +632,8 @@ def _ring_texts(points: np.ndarray, offsets: np.ndarray, follows: np.ndarray) ->
     return texts
 
 
-def _edge(polygon: np.ndarray) -> np.ndarray:
-    """The spline of a polygon (n, 2) as a fine polyline (8 n + 1, 2), px."""
+def edge_of(polygon: np.ndarray) -> np.ndarray:
+    """Give the spline of a polygon (n, 2), units of 2 TONE_UNIT, as a line (8 n + 1, 2), px."""
     control = 2.0 * polygon
     end = (polygon + np.roll(polygon, -1, axis=0)).astype(np.float64)
     begin = np.roll(end, 1, axis=0)

@@ -380,7 +380,7 @@ def _outlined(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Itera
     )
     made = outlines(drawing.strokes, options.tolerance, index)
     for i, rings, skeleton in zip(index.tolist(), made, skeletons, strict=True):
-        given = {Data.AT: _edge_at(fine_line(rings[0]))} if rings else {}
+        given = {Data.AT: edge_at(fine_line(rings[0]))} if rings else {}
         if len(rings) != usual_rings(bool(drawing.strokes.closed[i])):
             given[Data.RINGS] = str(len(rings))
         given |= {"fill-rule": "nonzero", "d": rings_path(rings, options.decimals)}
@@ -399,7 +399,7 @@ def _toned(
     """Strokes as groups of a few tones, the lightest beneath."""
     made = tone_shapes(tones(drawing, index, options.tones, options.tolerance, ink))
     for i, shapes in zip(index.tolist(), made, strict=True):
-        at = {Data.AT: _edge_at(shapes[0].edge)} if shapes else {}
+        at = {Data.AT: edge_at(shapes[0].edge)} if shapes else {}
         yield DrawnStroke(Element("g", at, _tone_paths(shapes, drawing.color[i, :3])))
 
 
@@ -498,7 +498,7 @@ def _widths(width: np.ndarray) -> list[str]:
     return numbers(units(width, WIDTH_DECIMALS), WIDTH_DECIMALS)
 
 
-def _edge_at(line: np.ndarray) -> str:
+def edge_at(line: np.ndarray) -> str:
     """Tell where a stroke's first shape is: landmarks of its edge (n, 2), and the area within."""
     return f"{_at(landmarks(line))} {number(enclosed(line), 2)}"
 

@@ -1,0 +1,212 @@
+"""Scale the thickness of a drawing in its file: textures in tones are moved, not drawn anew.
+
+A texture that is read off its tones and contoured again loses a little of its grain each time. Here
+each point of a tone goes away from its stroke's centre line by the factor, so that a factor and its
+inverse give what there was, and what the file holds besides stays to the letter.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..drawing.strokes import MAX_MARGIN
+from ..files import limited
+from ..geometry.affine import IDENTITY
+from ..geometry.curves import counting, owner
+from .format import MARGIN_DECIMALS, TONE_UNIT, WIDTH_DECIMALS, Data, SvgOptions
+from .landmarks import landmarks
+from .markup import number, numbers, units
+from .read_elements import ElementReader, StrokeElement
+from .read_stroke import drawn_stroke, read_centre_line, read_widths
+from .read_texture import MAX_RINGS, TONES
+from .tones import Tones, edge_of, tone_shapes
+from .write import edge_at
+
+FACTORS = (0.5, 1.6)  # beyond, grain would be drawn out across strokes too much
+SPACING = 1.0  # px between places on centre lines among which the nearest is looked up
+MOVED = 0.06  # px that landmarks may be off where nobody moved a stroke
+APART = 1e7  # between strokes where places are looked up, more than any two of one stroke
+_LETTERS = str.maketrans("Mmqt", "    ")
+
+
+class _Rings(NamedTuple):
+    """Rings of tones as polygons, like those of `Tones`, and whose they are."""
+
+    points: np.ndarray
+    offsets: np.ndarray
+    stroke: np.ndarray
+    tone: np.ndarray
+
+
+def thickened_svg(data: bytes, factor: float) -> tuple[str, int] | None:
+    """Multiply every thickness in a file of ours by `factor`: its text, and its number of strokes.
+
+    None where the file has to be read as a drawing: where a stroke is not in tones and as we write
+    it, or the factor is not within FACTORS. Raises ValueError as `read_svg` does.
+    """
+    data = limited(data)
+    found = ElementReader()
+    found.read(data)
+    others = found.hidden + found.foreign_shapes + found.effects
+    options = SvgOptions.from_text(found.root.get(Data.OPTIONS, ""))
+    same_page = found.root.get("viewBox", "") == found.root.get(Data.PAGE)
+    if others or not (found.strokes and same_page and options.texture == "vector"):
+        return None
+    if not FACTORS[0] <= factor <= FACTORS[1]:
+        return None
+    if not all(_is_as_written(data, stroke) for stroke in found.strokes):
+        return None
+    rings = _rings([[s.attributes.get("d", "") for s in e.shapes] for e in found.strokes])
+    if rings is None or not _are_where_written(found.strokes, rings):
+        return None
+    points = rings.points + _steps_away(found.strokes, rings, factor)
+    depth = 1 + int(rings.tone.max())
+    shown = np.zeros((len(found.strokes), depth))
+    regions = Tones(
+        shown, np.zeros((*shown.shape, 3)), points, rings.offsets, rings.stroke, rings.tone
+    )
+    made, at = [], 0
+    for stroke, shapes in zip(found.strokes, tone_shapes(regions), strict=True):
+        end = data.find(b">", stroke.end) + 1
+        texts = [shape.d for shape in shapes]
+        given = _data(stroke, factor) | {Data.AT: edge_at(shapes[0].edge)}
+        made += [data[at : stroke.begin], _replaced(data[stroke.begin : end], texts, given)]
+        at = end
+    return b"".join([*made, data[at:]]).decode("utf-8"), len(found.strokes)
+
+
+def _is_as_written(data: bytes, stroke: StrokeElement) -> bool:
+    """Whether every letter of a stroke in tones is ours, and nothing around it changes its look."""
+    drawn = stroke.of_shapes and not stroke.inherits_look and drawn_stroke(data, stroke, {})
+    return (
+        bool(drawn)
+        and stroke.state.matrix == IDENTITY
+        and stroke.state.opacity == 1.0
+        and all(
+            shape.tag == "path"
+            and shape.attributes.get("transform") == f"scale({number(TONE_UNIT, 4)})"
+            for shape in stroke.shapes
+        )
+    )
+
+
+def _rings(paths: Sequence[Sequence[str]]) -> _Rings | None:
+    """The polygons of the tones of strokes, from their path data; None where these are not ours."""
+    texts, stroke, tone = [], [], []
+    for i, tones in enumerate(paths):
+        for k, d in enumerate(tones):
+            if not TONES.fullmatch(d) or re.search("[0-9]{7}", d) or d.count("z") > MAX_RINGS:
+                return None
+            split = d.replace("-", " -").translate(_LETTERS).split("z")[:-1]
+            texts += split
+            stroke += [i] * len(split)
+            tone += [k] * len(split)
+    count = np.array([len(text.split()) for text in texts])
+    if not len(count) or (count % 2).any() or count.min() < 10:
+        return None
+    pairs = np.array(" ".join(texts).split(), np.int64).reshape(-1, 2)
+    whose, of = np.array(stroke), np.array(tone)
+    points, offsets = _polygons(pairs, np.r_[0, np.cumsum(count // 2)], 1000 * whose + of)
+    return _Rings(points, offsets, whose, of)
+
+
+def _polygons(
+    pairs: np.ndarray, offsets: np.ndarray, path: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points of polygons and their offsets, from the numbers of rings as `tone_shapes` writes them.
+
+    Parameters
+    ----------
+    pairs : (n, 2) of each ring where it begins, of the ring before it; the first control point, of
+        there; then where each piece ends, of where it begins
+    path : (R,) which rings are of one path
+    """
+    jump = pairs[offsets[:-1]]
+    begin = _running(jump, np.r_[np.flatnonzero(np.diff(path, prepend=-1)), len(path)])
+    keep = np.ones(len(pairs), bool)
+    keep[offsets[:-1]] = keep[offsets[:-1] + 1] = False
+    pieces = offsets - 2 * np.arange(len(offsets))
+    own = owner(pieces)
+    end = begin[own] + _running(pairs[keep], pieces)
+    sign = np.where(counting(np.diff(pieces)) % 2, -1, 1)[:, None]
+    turned = -2 * np.roll(sign * end, 1, axis=0)
+    turned[pieces[:-1]] = begin + pairs[offsets[:-1] + 1]
+    return sign * _running(turned, pieces) // 2, pieces
+
+
+def _running(values: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Running sums of rows (n, 2) within groups."""
+    total = np.cumsum(values, axis=0)
+    before = np.concatenate([np.zeros((1, 2), values.dtype), total])[offsets[:-1]]
+    return total - np.repeat(before, np.diff(offsets), axis=0)
+
+
+def _are_where_written(strokes: Sequence[StrokeElement], rings: _Rings) -> bool:
+    """Whether the first ring of each stroke is where its data say that it was."""
+    first = np.flatnonzero(np.diff(rings.stroke, prepend=-1))
+    if len(first) != len(strokes):
+        return False
+    for stroke, ring in zip(strokes, first.tolist(), strict=True):
+        *places, _ = stroke.attributes.get(Data.AT, "").split() or [""]
+        then = np.array([place.split(",") for place in places], float)
+        edge = edge_of(rings.points[slice(*rings.offsets[ring : ring + 2])])
+        if then.shape != (4, 2) or np.abs(landmarks(edge) - then).max() > MOVED:
+            return False
+    return True
+
+
+def _steps_away(strokes: Sequence[StrokeElement], rings: _Rings, factor: float) -> np.ndarray:
+    """By how many units (n, 2) the rings' points go away from the centre lines of their strokes."""
+    lines = [_dense(stroke) for stroke in strokes]
+    xy = np.concatenate(lines)
+    whose = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+    points = rings.points * (2 * TONE_UNIT)
+    of = np.repeat(rings.stroke, np.diff(rings.offsets))
+    tree = cKDTree(np.column_stack([xy, APART * whose]))
+    near = tree.query(np.column_stack([points, APART * of]))[1]
+    away = points - xy[near]
+    for step in (-1, 1):  # to the pieces before and behind that place
+        other = np.clip(near + step, 0, len(xy) - 1)
+        along = np.where((whose[other] == of)[:, None], xy[other] - xy[near], 0.0)
+        square = np.maximum((along * along).sum(axis=1), 1e-12)
+        share = np.clip(((points - xy[near]) * along).sum(axis=1) / square, 0.0, 1.0)
+        beside = points - xy[near] - share[:, None] * along
+        closer = np.hypot(*beside.T) < np.hypot(*away.T)
+        away = np.where(closer[:, None], beside, away)
+    return np.rint((factor - 1.0) * away / (2 * TONE_UNIT)).astype(np.int64)
+
+
+def _dense(stroke: StrokeElement) -> np.ndarray:
+    """The centre line of a stroke (n, 2) with points SPACING apart, px."""
+    xy = read_centre_line(stroke.attributes[Data.PATH], Data.CLOSED in stroke.attributes)
+    length = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
+    at = np.union1d(length, np.linspace(0.0, length[-1], 2 + int(length[-1] / SPACING)))
+    return np.column_stack([np.interp(at, length, column) for column in xy.T])
+
+
+def _data(stroke: StrokeElement, factor: float) -> dict[str, str]:
+    """Widths and margin of a stroke, times a factor. Raises ValueError on those that are none."""
+    text = stroke.attributes.get(Data.WIDTH, "1")
+    read_widths(read_centre_line(stroke.attributes[Data.PATH], False), text)
+    pairs = [word.rpartition(",") for word in text.split()]
+    scaled = units(factor * np.array([float(width) for *_, width in pairs]), WIDTH_DECIMALS)
+    widths = zip(pairs, numbers(scaled, WIDTH_DECIMALS), strict=True)
+    margin = min(factor * float(stroke.attributes[Data.MARGIN]), MAX_MARGIN)
+    return {
+        Data.WIDTH: " ".join(f"{t}{comma}{width}" for (t, comma, _), width in widths),
+        Data.MARGIN: number(margin, MARGIN_DECIMALS),
+    }
+
+
+def _replaced(text: bytes, paths: Sequence[str], given: dict[str, str]) -> bytes:
+    """A stroke's text with other path data, one after the other, and other values of attributes."""
+    left = iter(paths)
+    made = re.sub(rb' d="[^"]*"', lambda _: f' d="{next(left)}"'.encode(), text)
+    for name, value in given.items():
+        made = re.sub(rb' %s="[^"]*"' % name.encode(), f' {name}="{value}"'.encode(), made, count=1)
+    return made
