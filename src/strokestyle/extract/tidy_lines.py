@@ -84,7 +84,7 @@ class Numbers(TidyOptions):
 
     growth: float = 1.0
 
-    @property
+    @cached_property
     def steps(self) -> int:
         """`growth` in whole points."""
         return max(round(self.growth), 1)
