@@ -38,7 +38,45 @@ os.execv(sys.argv[3], sys.argv[3:])
 """
 
 
-class Browser:
+class Page:
+    """What is done alike in every browser, by its `run` and `mouse`."""
+
+    def wait_for(self, condition, seconds: float = 30.0):
+        """What `condition` returns, once it is true; a string is JavaScript."""
+        ask = (lambda: self.run(condition)) if isinstance(condition, str) else condition
+        end = time.monotonic() + seconds
+        while not (found := ask()):
+            if time.monotonic() > end:
+                raise TimeoutError(f"not in {seconds} s: {condition}")
+            time.sleep(0.02)
+        return found
+
+    def frame(self):
+        """Wait until what happened so far is painted."""
+        self.run(
+            "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => "
+            "done())))"
+        )
+
+    def click(self, x: float, y: float):
+        self.mouse("mouseMoved", x, y)
+        self.mouse("mousePressed", x, y)
+        self.mouse("mouseReleased", x, y)
+        self.frame()
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 5):
+        self.mouse("mouseMoved", *start)
+        self.mouse("mousePressed", *start)
+        for k in range(1, steps + 1):
+            f = k / steps
+            self.mouse(
+                "mouseMoved", *(a + f * (b - a) for a, b in zip(start, end, strict=True)), down=True
+            )
+        self.mouse("mouseReleased", *end)
+        self.frame()
+
+
+class Browser(Page):
     """A browser with one page. Used as a context; `downloads` is the folder that saved files go
     to."""
 
@@ -113,16 +151,6 @@ class Browser:
         line, self.buffer = self.buffer.split(b"\0", 1)
         return json.loads(line)
 
-    def wait_for(self, condition, seconds: float = 30.0):
-        """What `condition` returns, once it is true; a string is JavaScript."""
-        ask = (lambda: self.run(condition)) if isinstance(condition, str) else condition
-        end = time.monotonic() + seconds
-        while not (found := ask()):
-            if time.monotonic() > end:
-                raise TimeoutError(f"not in {seconds} s: {condition}")
-            time.sleep(0.02)
-        return found
-
     def run(self, script: str):
         """The value of a JavaScript expression in the page; a promise is waited for."""
         result = self.send(
@@ -156,30 +184,6 @@ class Browser:
         self.send(
             "Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=count, **more
         )
-
-    def frame(self):
-        """Wait until what happened so far is painted."""
-        self.run(
-            "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => "
-            "done())))"
-        )
-
-    def click(self, x: float, y: float):
-        self.mouse("mouseMoved", x, y)
-        self.mouse("mousePressed", x, y)
-        self.mouse("mouseReleased", x, y)
-        self.frame()
-
-    def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 5):
-        self.mouse("mouseMoved", *start)
-        self.mouse("mousePressed", *start)
-        for k in range(1, steps + 1):
-            f = k / steps
-            self.mouse(
-                "mouseMoved", *(a + f * (b - a) for a, b in zip(start, end, strict=True)), down=True
-            )
-        self.mouse("mouseReleased", *end)
-        self.frame()
 
     def key(self, key: str, modifiers: int = 0):
         """Press a key; modifiers are 1 Alt, 2 Ctrl, 4 Meta, 8 Shift."""

@@ -10,7 +10,8 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from browser import NO_BROWSER, Browser
+from browser import NO_BROWSER
+from browsers import Browsers, in_both_browsers
 from command import refused, run
 from PIL import Image
 
@@ -179,15 +180,14 @@ def test_what_cannot_be_shown_gets_one_line(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def browser():
-    found = Browser()
-    try:
-        found.__enter__()
-    # a sandbox may hold a browser that cannot run in it
-    except (OSError, RuntimeError, TimeoutError) as error:
-        pytest.skip(f"no browser: chromium is there, but does not start ({error})")
-    yield found
-    found.__exit__(None, None, None)
+def browsers():
+    with Browsers() as running:
+        yield running
+
+
+@pytest.fixture
+def browser(browsers, request):
+    return browsers.get(getattr(request, "param", "chromium"))
 
 
 @pytest.fixture
@@ -308,7 +308,7 @@ def test_what_moves_is_nearly_what_stands_when_the_hand_rests(opened):
             assert moving < 0.45 * before and before > 1 and rest == 0
 
 
-@in_browser
+@in_both_browsers
 def test_what_the_page_paints_is_the_drawing(opened):
     drawings = [drawing(texture) for texture in TEXTURES]
     browser = opened(*drawings)
@@ -354,7 +354,7 @@ def test_edges_of_tones_are_those_of_the_command(opened):
     assert np.abs(np.array(got) - wanted).max() < 0.01
 
 
-@in_browser
+@in_both_browsers
 def test_what_is_saved_is_what_is_seen(opened):
     encodings = [
         (None, "none"),
@@ -467,7 +467,7 @@ def test_an_edit_on_the_page_is_the_edit_of_the_command(opened, texture):
         assert saved_off < slack * changed + 0.1 + 1.1 * np.abs(theirs - target).mean(), change
 
 
-@in_browser
+@in_both_browsers
 def test_the_slider_scales_the_widths_and_nothing_else(opened):
     browser = opened(drawing())
     x, y = middle(browser, "#thickness")
@@ -520,7 +520,7 @@ def test_a_dragged_point_moves_and_the_others_stay(opened, texture):
     assert browser.run("current.edit === UNEDITED && selected === -1")
 
 
-@in_browser
+@in_both_browsers
 def test_keys_pick_a_point_and_nudge_it(opened):
     browser = opened(drawing())
     browser.key("]")
@@ -555,7 +555,7 @@ def test_wiggle_keeps_the_ends(opened):
     assert np.array_equal(closed[0], closed[-1])
 
 
-@in_browser
+@in_both_browsers
 def test_layers_off_are_left_out_of_the_file(opened):
     browser = opened(drawing())
     browser.click(*middle(browser, "#layers input[value=valley]"))
@@ -619,7 +619,7 @@ def test_a_layer_and_a_part_in_it_are_switched_off_apart(opened, layers):
     assert kept() == everything
 
 
-@in_browser
+@in_both_browsers
 def test_before_and_after(opened):
     browser = opened(drawing("grain"), width=800, height=300)
     look = "document.querySelector('#ink').toDataURL()"
@@ -643,7 +643,7 @@ def test_before_and_after(opened):
     assert settled() == first
 
 
-@in_browser
+@in_both_browsers
 def test_wheel_drag_and_fit(opened):
     browser = opened(drawing())
     zoom, x, y = browser.run("[current.camera.zoom, current.camera.x, current.camera.y]")
@@ -715,7 +715,7 @@ def test_odd_strokes_and_none_at_all(opened):
         assert np.abs(painted(browser, 2) - pixels(png_from_svg(text, 2.0))).mean() < 1
 
 
-@in_browser
+@in_both_browsers
 def test_hostile_words_stay_words(browser, tmp_path):
     text = write_svg(drawing(), title=HOSTILE, description=HOSTILE)
     (tmp_path / "page.html").write_text(page_html([(HOSTILE, text)]), encoding="utf-8")
@@ -736,7 +736,7 @@ def test_hostile_words_stay_words(browser, tmp_path):
     browser.events.clear()
 
 
-@in_browser
+@in_both_browsers
 @pytest.mark.parametrize("width", [1280, 390])
 def test_everything_fits_into_the_window(opened, width):
     browser = opened(drawing(), width=width)
