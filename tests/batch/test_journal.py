@@ -87,6 +87,21 @@ def test_two_runs_at_the_same_time_write_to_one_journal(tmp_path):
     second.close()
 
 
+def test_equal_runs_at_the_same_time_leave_one_line_for_each_drawing(tmp_path):
+    folder = str(tmp_path)
+    first, second = (Journal(folder, lambda old: False) for _ in range(2))
+    for k in range(3):
+        first.add(outcome(f"a{k}", folder))
+        second.add(outcome(f"a{k}", folder))
+    second.add(outcome("a", folder))
+    lines = (tmp_path / NAME).read_bytes().splitlines()
+    assert len(lines) == 4 and [one.shape[3:-4] for one in read_journal(folder)] == [
+        "a0", "a1", "a2", "a",
+    ]  # fmt: skip
+    first.close()
+    second.close()
+
+
 def test_a_journal_that_cannot_be_written_is_named(tmp_path):
     journal = Journal(str(tmp_path), lambda old: True)
     os.close(journal._file)

@@ -15,6 +15,7 @@ from small_styles import plain_style
 
 from strokestyle import cli
 from strokestyle.batch.journal import NAME, read_journal
+from strokestyle.cli.messages import say
 from strokestyle.render.style_file import save_style
 
 SMALL = ("--size", "96")
@@ -224,3 +225,25 @@ def test_a_batch_is_drawn_where_a_daemon_has_closed_the_standard_streams(place, 
     assert len(read_journal(out)) == 4  # nothing that is said is written into another file
     told = closed("<&-", "-").stderr
     assert told.startswith("strokestyle: standard input: no shapes") and told.count("\n") == 1
+
+
+def test_a_saved_view_among_shapes_costs_itself_alone(place, tmp_path):
+    box = place / "in" / "box 0.ply"
+    named = tmp_path / "two\nlines.ply"
+    named.write_bytes(box.read_bytes())
+    assert run("extract", box, "-o", tmp_path / "v.npz", *SMALL).exit_code == 0
+    result = run("render", place / "m.pt", tmp_path, "-o", tmp_path / "out", *SMALL)
+    assert result.exit_code == 1 and "v.npz is a saved view" in result.stderr
+    assert "leave out --size" in result.stderr and "2 of 2" not in result.stderr
+    assert [path.name for path in (tmp_path / "out").glob("*.svg")] == ["two\nlines.svg"]
+    assert "two\\nlines.ply: " in result.stderr and "two\nlines" not in result.stderr
+    refused("render", place / "m.pt", tmp_path / "v.npz", "-o", tmp_path / "out", *SMALL,
+            words=["v.npz is a saved view"], code=2)  # fmt: skip
+
+
+def test_a_full_disk_under_what_is_said_stops_no_work(monkeypatch):
+    def full(*args, **options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("click.echo", full)
+    say("all is well")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import codecs
 import contextlib
+import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -46,19 +47,38 @@ class Journal:
                     _write_at(self._file, new, 0)
                     os.ftruncate(self._file, len(new))
                     os.fsync(self._file)
+                self._end = len(new)
         except BaseException:
             self.close()
             raise
 
     def add(self, outcome: Outcome) -> None:
-        """Append a line, on the disk when this returns. Raises OSError where there is no room."""
+        """Append a line, on the disk when this returns. Raises OSError where there is no room.
+
+        What another run has written of the same drawing meanwhile goes.
+        """
         line = self._line(outcome)
         with _locked(self._file), _named(self.path):
             end = os.lseek(self._file, 0, os.SEEK_END)
+            if end != self._end:  # another run writes too
+                end = self._without_output(line, end)
             if end and _read_at(self._file, end - 1, 1) != b"\n":  # another run was killed at it
                 line = b"\n" + line
             _write_at(self._file, line, end)
             os.fsync(self._file)
+            self._end = end + len(line)
+
+    def _without_output(self, line: bytes, end: int) -> int:
+        """Take out the lines of what `line` is of; gives where the file ends then."""
+        output = json.dumps({"output": json.loads(line)["output"]})[1:-1].encode()
+        old = _read_at(self._file, 0, end)
+        if output in old:
+            lines = old.splitlines(keepends=True)
+            new = b"".join(one for one in lines if output not in one)
+            _write_at(self._file, new, 0)
+            os.ftruncate(self._file, len(new))
+            end = len(new)
+        return end
 
     def close(self) -> None:
         """Close the file."""

@@ -336,4 +336,5 @@ def _cause(code: int) -> str:
 
 
 def _size(memory: int | None) -> str:
-    return f"{(memory or 0) / MB:.0f} MB"
+    size = memory or 0
+    return f"{size / MB:.0f} MB" if size >= MB else f"{size / 1024:.0f} kB"

@@ -265,7 +265,7 @@ def draw_here(recipe: Recipe, job: Job) -> Outcome:
             outcome = _drawn(job, recipe.draw(job), [text for _, text in said])
     except BrokenPipeError:
         raise
-    except (ValueError, OSError, MemoryError) as error:
+    except (ValueError, OSError, MemoryError, click.UsageError) as error:
         line = describe(error)
         named = any(name in line for name in (job.shape, recipe.model, job.output))
         failure = "memory" if isinstance(error, MemoryError) else "error"
@@ -356,9 +356,14 @@ def _follow(
 
 def _say(outcome: Outcome) -> None:
     for level, text in outcome.told:
-        say(text, level)
+        say(_one_line(text), level)
     if outcome.error:
         say(f"strokestyle: {outcome.error}", level=-1)
+
+
+def _one_line(text: str) -> str:
+    """What is said of a shape, on one line also where its name has several."""
+    return text.replace("\n", "\\n").replace("\r", "\\r")
 
 
 def _print(outcome: Outcome, tell: bool) -> None:

@@ -31,7 +31,8 @@ def say(text: str = "", level: int = 0) -> None:
     if _heard is not None:
         _heard.append((level, text))
     if _aloud and verbosity() >= level:
-        click.echo(text, err=True)
+        with contextlib.suppress(OSError):  # a full disk under a log stops no work
+            click.echo(text, err=True)
 
 
 @contextlib.contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import os
 import sys
@@ -240,10 +239,20 @@ def plan(shapes: Sequence[str], output: str, mirror: bool) -> list[Job]:
 
 
 def check_options(batch: Sequence[Job], options: Mapping[str, Any]) -> None:
-    """Raise a usage error where options contradict each other or a shape, before any is drawn."""
+    """Raise a usage error where options contradict each other or all shapes, before any is drawn.
+
+    Where they contradict some of them only, those are not drawn.
+    """
+    wrong: list[click.UsageError] = []
     for job in batch:
-        with contextlib.suppress(OSError):  # it is not there: that one is not drawn
+        try:
             Shape(job.shape, options)
+        except click.UsageError as error:
+            wrong.append(error)
+        except OSError:  # it is not there: that one is not drawn
+            pass
+    if wrong and len(wrong) == len(batch):
+        raise wrong[0]
 
 
 def recipe_of(settings: RenderSettings) -> Recipe:
