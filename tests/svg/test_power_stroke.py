@@ -192,6 +192,15 @@ def test_widths_that_a_hand_edited_are_read():
     assert np.allclose(grown.thickness[grown.rows(1)], 8, atol=0.05)
 
 
+def test_power_strokes_of_older_versions_are_drawn_anew():
+    text = write_svg(drawn([zoo()["corner 90"]]), inkscape_lpe=True)
+    older = re.sub(' data-ss-swell="[^"]*"', "", text)
+    older = re.sub('offset_points="[^"]*"', 'offset_points="0,4"', older)
+    file = read_svg_file(older)
+    again = write_svg(file.drawing, file.options, kept=file.kept)
+    assert 'offset_points="0,4 | ' in again and "data-ss-swell" in again
+
+
 def test_a_skeleton_that_a_hand_edited_is_read():
     drawing = drawn([(line((20, 20), (80, 20)), 6, False)])
     text = write_svg(drawing, inkscape_lpe=True)

@@ -27,6 +27,7 @@ from .path_data import parse_path
 
 LINE_SLACK = 0.05  # px between a centre line and its skeleton
 WIDTH_SLACK = 0.1  # px between a width and Inkscape's, which interpolates between few of them
+THIN = 0.04  # of a thin stroke's width, that it may be off likewise
 TIP = 0.04  # px between the two nodes at which a skeleton turns back, and of a dot from end to end
 BACK = -0.7  # the cosine of a turn that is divided among two nodes
 MAX_TEXT = LIMITS["path_characters"].value
@@ -205,7 +206,8 @@ def _offset_points(spine: _Spine, line: np.ndarray, rows: np.ndarray) -> str:
     nodes = along[rows]
     t = np.interp(np.interp(place, nodes, far[::FINE]), far, np.arange(len(line)) / FINE)
     # what is off is looked at across: Inkscape interpolates widths by t, whatever its scale
-    knots = simplify(np.stack([1e3 * t, half], axis=1), 0.5 * WIDTH_SLACK)
+    slack = min(0.5 * WIDTH_SLACK, THIN * float(half.max()))
+    knots = simplify(np.stack([1e3 * t, half], axis=1), slack)
     knots = knots[np.abs(t[knots] - np.rint(t[knots])) > NODE]
     t = np.r_[np.arange(len(nodes)), t[knots]]
     half = np.r_[np.interp(nodes, place, half), half[knots]]

@@ -479,6 +479,8 @@ def drawn_stroke(
     effect = element.attributes.get(PATH_EFFECT)
     if drawn is None or effect is None:
         return None if drawn is None else DrawnStroke(drawn)
+    if Data.SWELL not in element.attributes:  # of an older version: Inkscape may fail to draw it
+        return None
     points = offset_points.get(EFFECT + element.id, "")
     if effect != f"#{EFFECT}{element.id}" or not re.fullmatch("[0-9., |-]+", points):
         return None
