@@ -248,7 +248,7 @@ def test_a_preview_and_what_is_left_out(drawn, tmp_path):
         (["other.svg", "-o", "o.svg"], 1, "no strokes in it that strokestyle wrote"),
         (["other.svg", "-o", "o.svg"], 1, "render --curves"),
         (["in.svg", "-o", "o.svg", "--drop", "<9999"], 1, "takes out all 5 strokes"),
-        (["bare.svg", "-o", "o.svg"], 1, "shapes lack the data"),
+        (["bare.svg", "-o", "o.svg"], 1, "lack what strokestyle wrote"),
         (["hidden.svg", "-o", "o.svg"], 1, "all its strokes, 5, are hidden"),
         (["hidden3.svg", "-o", "o.svg"], 1, "all its strokes, 5, are hidden"),
         (["empty.svg", "-o", "o.svg"], 1, "an empty drawing"),

@@ -128,10 +128,10 @@ def _check_emptiness(found: ElementReader) -> None:
         )
     if found.foreign_shapes:
         raise NoStrokesError(
-            f"no strokes in it: its {found.foreign_shapes} shapes lack the data that strokestyle "
-            f"wrote ({Data.PATH}). Ungroup in Inkscape loses those of textures of version 0.2 and "
-            "before, cleaning programs lose any: go back to the file before that; outlines can be "
-            "rendered"
+            f"no strokes in it: its shapes, {found.foreign_shapes}, lack what strokestyle wrote of "
+            f"strokes ({Data.PATH}). Ungroup in Inkscape takes it from textures of version 0.2 and "
+            "before, Combine and cleaning programs from any: go back to the file before that; "
+            "outlines can be rendered"
         )
 
 
