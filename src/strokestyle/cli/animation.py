@@ -284,11 +284,11 @@ def frame_count(options: Mapping[str, Any], sequence: Sequence[str]) -> int:
 
     Raises ValueError or OSError where the cameras cannot be read.
     """
-    from ..motion.shots import load_cameras
-
     count, path = options.get("turntable"), options.get("cameras")
     what = f"--turntable {count} has {count} frames"
     if path:
+        from ..motion.shots import load_cameras
+
         count = len(load_cameras(path))
         what = f"{path}: has {count} cameras"
     if count and sequence and len(sequence) != count:
