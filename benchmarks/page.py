@@ -1,12 +1,12 @@
-"""The page of `strokestyle view` with 303 strokes in three styles, in headless Chromium: is it
+"""The page of `strokestyle view` with 303 strokes in three styles, in a headless browser: is it
 fluid? Prints a table.
 
-    python benchmarks/page.py [FILE.svg ...]
+    python benchmarks/page.py [--firefox] [FILE.svg ...]
 
 A mouse drags sliders and a stroke's point and turns the wheel for two seconds each, at 1280 x 800;
-a frame counts when its picture is shown; pixels a pixel of the screen say how fine it is. Headless
-Chromium paints without a GPU; the page does not need one. Where the machine is busy, the CPU ms of
-a frame, of all the browser's processes, tell more."""
+a frame counts when its picture is shown; pixels a pixel of the screen say how fine it is. The
+browser, Chromium or Firefox, has no head and paints without a GPU; the page does not need one.
+Where the machine is busy, the CPU ms of a frame, of all the browser's processes, tell more."""
 
 import os
 import sys
@@ -125,17 +125,19 @@ def drawings(files):
 
 def main():
     sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-    from browser import NO_BROWSER, Browser
+    from browsers import KINDS
 
-    if NO_BROWSER:
-        print(f"skipped: {NO_BROWSER}")
+    files = [word for word in sys.argv[1:] if word != "--firefox"]
+    browser_of, reason = KINDS["firefox" if "--firefox" in sys.argv else "chromium"]
+    if reason:
+        print(f"skipped: {reason}")
         return
     print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     columns = f"{'median':>8s} {'slowest':>8s} {'CPU ms':>7s} {'px a px':>8s}"
     print(f"{'what is moved':22s} {'frames/s':>9s} {columns}   target {FLUID:.0f} frames/s")
-    for name, text in drawings(sys.argv[1:]):
+    for name, text in drawings(files):
         page = page_html([(name, text)])
-        with tempfile.TemporaryDirectory() as folder, Browser() as browser:
+        with tempfile.TemporaryDirectory() as folder, browser_of() as browser:
             path = Path(folder, "page.html")
             path.write_text(page, encoding="utf-8")
             start = time.perf_counter()

@@ -261,19 +261,22 @@ if (typeof document === "undefined") {
     }
   };
   // the first change shall not have to wait for what can be made beforehand, nor for the compiler:
-  // while nobody asks for anything, textures are looked at, then the first drawing is painted small
-  // a few times, thinner and thicker, once bent
+  // while nobody asks for anything, the first drawing is painted small a few times, thinner, once
+  // bent, then textures are looked at, then it is painted thicker
   const getReady = () => {
     if (performance.now() - worked < PAUSE) {
       setTimeout(getReady, PAUSE);
       return;
     }
     const waiting = sheets.flatMap(({ strokes }) => strokes.filter(({ ready }) => !ready));
-    for (const stroke of waiting.slice(0, 4)) {
-      stroke.ready = true;
-      if (stroke.strip) grainOf(stroke);
+    const enough = waiting.length ? REHEARSED.length / 2 : REHEARSED.length;
+    if (rehearsed < enough) rehearse(REHEARSED[rehearsed++]);
+    else {
+      for (const stroke of waiting.slice(0, 4)) {
+        stroke.ready = true;
+        if (stroke.strip) grainOf(stroke);
+      }
     }
-    if (!waiting.length && rehearsed < REHEARSED.length) rehearse(REHEARSED[rehearsed++]);
     if (waiting.length || rehearsed < REHEARSED.length) setTimeout(getReady);
   };
   const rehearsal = { strokes: [], marks: [] };
