@@ -122,6 +122,13 @@ def test_a_mesh_is_drawn_without_torch():
     assert "render.quilt" in seen and not torch
 
 
+def test_a_fast_preset_learns_without_torch():
+    """Its import takes as long as a third of what `fit --preset quick` does besides."""
+    seen = imported_with("fit.train", "fit.exemplar", "fit.checkpoint", "fit.report")
+    torch = {name for name in seen if dict(imports(name)).get("torch")}
+    assert "fit.cover" in seen and not torch
+
+
 def test_svgwrite_is_imported_when_a_file_is_written():
     """What only reads a file, or asks how it would be written, does without."""
     seen = imported_with("svg.write", "svg.read", "render.figure")

@@ -149,7 +149,10 @@ VALUES = "model.json"
 
 
 def write_arrays(
-    path: str | Path, arrays: dict[str, np.ndarray], texts: dict[str, str] | None = None
+    path: str | Path,
+    arrays: dict[str, np.ndarray],
+    texts: dict[str, str] | None = None,
+    compressed: bool = True,
 ) -> None:
     """Write arrays as numpy's .npz has them, whole or not at all; `texts` lie before them.
 
@@ -158,11 +161,13 @@ def write_arrays(
     """
 
     def write(name: str) -> None:
-        with zipfile.ZipFile(name, "w", zipfile.ZIP_DEFLATED) as file:
+        method = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+        with zipfile.ZipFile(name, "w") as file:
             for key, text in (texts or {}).items():
-                file.writestr(_entry(key), text)
+                file.writestr(_entry(key, method), text)
             for key, value in arrays.items():
-                with file.open(_entry(key + ".npy"), "w", force_zip64=True) as stream:
+                entry = _entry(key + ".npy", method)
+                with file.open(entry, "w", force_zip64=True) as stream:
                     np.lib.format.write_array(
                         stream, np.asarray(value, order="C"), allow_pickle=False
                     )
@@ -170,7 +175,7 @@ def write_arrays(
     replace_file(path, write)
 
 
-def write_model(path: str | Path, payload: dict[str, Any]) -> None:
+def write_model(path: str | Path, payload: dict[str, Any], compressed: bool = True) -> None:
     """Write nested dicts of arrays and JSON values, whole or not at all.
 
     The same values make the same bytes.
@@ -178,7 +183,7 @@ def write_model(path: str | Path, payload: dict[str, Any]) -> None:
     arrays: dict[str, np.ndarray] = {}
     values: dict[str, Any] = {}
     _flatten(payload, "", arrays, values)
-    write_arrays(path, arrays, {VALUES: json.dumps(values, indent=1, allow_nan=False)})
+    write_arrays(path, arrays, {VALUES: json.dumps(values, indent=1, allow_nan=False)}, compressed)
 
 
 def read_model(path: str | Path) -> dict[str, Any]:
@@ -235,9 +240,9 @@ def _no_model(path: Path) -> ValueError:
     )
 
 
-def _entry(name: str) -> zipfile.ZipInfo:
+def _entry(name: str, method: int) -> zipfile.ZipInfo:
     entry = zipfile.ZipInfo(name)  # dated 1980: the same bytes at any time
-    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.compress_type = method
     return entry
 
 

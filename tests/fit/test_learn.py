@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from known_law import SPACING, jitter, level, planned
 from scipy import ndimage
 
 from strokestyle.fit.learn import (
     learn_displacement,
     learn_residuals,
-    learn_thickness,
     measure_scaling,
 )
 from strokestyle.fit.observe import Observation
+from strokestyle.fit.thickness import ThicknessLoss, learn_thickness
 from strokestyle.fit.train import PRESETS
 from strokestyle.render.config import HAIR
+from strokestyle.render.style import SumOfCurves
 
 COUNT, DEFORMATIONS = 600, 4
 
@@ -89,12 +89,12 @@ def test_the_ridge_holds_what_nothing_is_known_of():
 # ------------------------------------------------------------------------------------ thickness
 
 CONFIG = replace(PRESETS["quick"], steps=300)
-FEATURES = torch.tensor(np.random.default_rng(2).normal(size=(COUNT, 6)), dtype=torch.float32)
+FEATURES = np.random.default_rng(2).standard_normal((COUNT, 6), np.float32)
 
 
 def law(features):
     """px, of the second feature alone, from about 2 to 8."""
-    return np.exp(1.4 + 0.6 * np.tanh(features[:, 1].numpy())) - HAIR
+    return np.exp(1.4 + 0.6 * np.tanh(features[:, 1])) - HAIR
 
 
 def told(*_):
@@ -102,23 +102,21 @@ def told(*_):
 
 
 def thickness_of(network, features=FEATURES):
-    with torch.no_grad():
-        return np.exp(network(features).numpy()) - HAIR
+    return np.exp(network(features)) - HAIR
 
 
 def sizes(network):
     """How much each feature's curve moves the log width: its standard deviation (P,)."""
-    rows = torch.zeros(6, COUNT, 6)
+    rows = np.zeros((6, COUNT, 6), np.float32)
     for k in range(6):
         rows[k, :, k] = FEATURES[:, k]
-    with torch.no_grad():
-        return np.array([network(one).std().item() for one in rows])
+    return np.array([network(one).std() for one in rows])
 
 
 def test_a_law_of_one_feature_is_learned_and_only_that_feature_used():
     thickness = law(FEATURES)
     network = learn_thickness(FEATURES, observation(thickness=thickness), CONFIG, 8, 0, told)
-    fresh = torch.tensor(np.random.default_rng(3).normal(size=(COUNT, 6)), dtype=torch.float32)
+    fresh = np.random.default_rng(3).standard_normal((COUNT, 6), np.float32)
     got, want = thickness_of(network, fresh), law(fresh)
     assert np.corrcoef(got, want)[0, 1] > 0.99
     assert np.abs(got - want).mean() < 0.4
@@ -149,7 +147,7 @@ def test_thickness_that_is_not_believed_does_not_count():
     assert np.abs(thickness_of(network) - law(FEATURES)).mean() < 0.6
     before = learn_thickness(FEATURES, seen, replace(CONFIG, steps=1, rate=1e-9), 8, 0, told)
     mean = np.log(law(FEATURES)[~wrong] + HAIR).mean()
-    assert float(before.base.detach()) == pytest.approx(mean, abs=1e-4)
+    assert float(before.base) == pytest.approx(mean, abs=1e-4)
 
 
 def test_outliers_of_thickness_count_by_their_distance():
@@ -163,13 +161,37 @@ def test_where_nothing_is_known_strokes_are_of_some_thickness_and_the_seed_decid
     blind = observation(confidence=np.zeros(COUNT))
     network = learn_thickness(FEATURES, blind, replace(CONFIG, steps=10), 8, 0, told)
     assert thickness_of(network) == pytest.approx(3.0 - HAIR, abs=0.1)
-    state = torch.random.get_rng_state()
     made = [
         learn_thickness(FEATURES, observation(), replace(CONFIG, steps=10), 8, seed, told).slope
         for seed in (1, 1, 2)
     ]
-    assert torch.equal(made[0], made[1]) and not torch.equal(made[0], made[2])
-    assert torch.equal(state, torch.random.get_rng_state())  # the user's own chance is left alone
+    assert np.array_equal(made[0], made[1]) and not np.array_equal(made[0], made[2])
+
+
+def test_the_derivatives_of_the_thickness_are_differences_of_its_loss():
+    """The group lasso and the decay are not in the error that is told: they are added here."""
+    random = np.random.default_rng(6)
+    shapes = [(6, 3)] * 3 + [(6,), ()]
+    arrays = [random.normal(size=shape) for shape in shapes]
+    seen = observation(thickness=law(FEATURES), confidence=random.random(COUNT))
+    measure = ThicknessLoss.of(FEATURES.astype(float), seen, 0.04)
+
+    def whole():
+        curves = SumOfCurves(*arrays)
+        size = np.sqrt((curves.weight**2).sum(axis=1) + curves.line**2)
+        return measure(curves)[0] + 0.04 * size.sum() + 1e-3 * (curves.weight**2).sum()
+
+    got = measure(SumOfCurves(*arrays))[1]
+    for array, slopes in zip(arrays, got, strict=True):
+        for place in list(np.ndindex(array.shape))[::4]:
+            before, sums = array[place], []
+            for step in (1e-4, -1e-4):
+                array[place] = before + step
+                sums.append(whole())
+            array[place] = before
+            assert np.asarray(slopes)[place] == pytest.approx(
+                (sums[0] - sums[1]) / 2e-4, rel=2e-3, abs=2e-5
+            )
 
 
 # ------------------------------------------------------------------------------------- features

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from known_law import level, normals, planned
 
 from strokestyle.drawing.raster import rasterise
@@ -20,33 +19,29 @@ from strokestyle.fit.trace import (
     PULL_WEIGHT,
     THICKNESS_ROUGHNESS,
     MaskPyramid,
-    StrokeTensors,
     Traced,
     TraceLoss,
+    interior,
     optimise_strokes,
     pyramid,
     thickness_of,
 )
 from strokestyle.fit.train import PRESETS
 from strokestyle.render.config import HAIR
+from strokestyle.render.displacement import Frame, displaced
 
-CPU = torch.device("cpu")
 CONFIG = replace(PRESETS["quick"], trace_steps=100)
 WIDTH, HEIGHT = 200, 120
 
 
-def tensors_of(strokes, deformations=None):
+def frame_of(strokes, deformations=None):
     lines = [
         strokes.xy[a:b] for a, b in zip(strokes.offsets[:-1], strokes.offsets[1:], strict=True)
     ]
     across = np.concatenate([normals(line) for line in lines])
     if deformations is None:
         deformations = np.zeros((len(across), 1, 2))
-    return StrokeTensors(
-        *(torch.tensor(a, dtype=torch.float32) for a in (strokes.xy, across, deformations)),
-        torch.tensor(strokes.offsets),
-        torch.tensor(strokes.on_curve),
-    )
+    return Frame(strokes.xy, across, deformations, strokes.offsets, strokes.on_curve)
 
 
 def two_lines(past=0):
@@ -61,18 +56,17 @@ def mask_of(xy, thickness, offsets):
 
 
 def start_of(strokes, thickness=4.0):
-    log_width = torch.full((len(strokes.xy),), float(np.log(thickness + HAIR)))
-    log_width[~strokes.on_curve] = float(np.log(HAIR))
+    log_width = np.where(strokes.on_curve, np.log(thickness + HAIR), np.log(HAIR))
     return Traced(strokes.xy, log_width)
 
 
 def traced(strokes, mask, config=CONFIG, thickness=4.0):
-    tensors = tensors_of(strokes)
-    target = MaskPyramid.of(mask, strokes.xy, config.levels, CPU)
-    start = start_of(tensors, thickness)
-    out = optimise_strokes(tensors, start, target, config, lambda *_: None, Checkpoint())
-    offset = tensors.across(out.xy - tensors.xy).numpy().astype(float)
-    return offset, out.thickness.numpy().astype(float), out
+    frame = frame_of(strokes)
+    target = MaskPyramid.of(mask, strokes.xy, config.levels)
+    start = start_of(frame, thickness)
+    out = optimise_strokes(frame, start, target, config, lambda *_: None, Checkpoint())
+    offset = frame.across(out.xy - frame.xy)
+    return offset, out.thickness, out
 
 
 # ------------------------------------------------------------------------ drawings come back
@@ -89,7 +83,7 @@ def test_thickness_and_offset_come_back_point_by_point():
     assert np.abs(got_offset - offset)[inner].max() < 0.35
     assert np.abs(got_thickness - thickness)[inner].max() < 0.6
     assert np.corrcoef(got_thickness[inner], thickness[inner])[0, 1] > 0.99
-    assert out.xy[:, 0].numpy() == pytest.approx(x, abs=1e-4)  # points move across only
+    assert out.xy[:, 0] == pytest.approx(x, abs=1e-4)  # points move across only
 
 
 def test_where_the_drawing_is_as_it_was_begun_nothing_moves():
@@ -127,14 +121,12 @@ def test_a_stroke_that_the_drawing_lacks_stays_where_it_was_begun_and_fades():
 def losses(across, widening, strokes=None, roughness=0.3, mask=None):
     """The loss without its misfit, of changes (N,) to two lines; and the misfit."""
     strokes = strokes or two_lines()
-    tensors = tensors_of(strokes)
+    frame = frame_of(strokes)
     mask = np.zeros((HEIGHT, WIDTH)) if mask is None else mask
-    target = MaskPyramid.of(mask, strokes.xy, 3, CPU)
-    start = start_of(tensors)
-    across, widening = (torch.tensor(v, dtype=torch.float32) for v in (across, widening))
-    moved = Traced(start.xy + across[:, None] * tensors.normals, start.log_width + widening)
-    loss, misfit = TraceLoss(target, tensors, roughness)(moved, across, widening)
-    return float(loss - misfit), float(misfit)
+    target = MaskPyramid.of(mask, strokes.xy, 3)
+    start = start_of(frame)
+    found = TraceLoss(target, frame, start, roughness)(across, widening)
+    return found.loss - found.mask, found.mask
 
 
 COUNT = len(two_lines().xy)
@@ -196,21 +188,36 @@ def test_the_misfit_is_a_mean_over_levels_per_pixel_of_ink():
     for thickness in (3.0, 8.0):
         mask = mask_of(strokes.xy, np.full(COUNT, thickness), strokes.offsets)
         for levels in (1, 2, 3):
-            target = MaskPyramid.of(mask, strokes.xy, levels, CPU)
-            none = torch.zeros(COUNT) - 1
-            xy = torch.tensor(strokes.xy, dtype=torch.float32)
-            missed = float(target.loss(xy, none, torch.tensor(strokes.offsets)))
+            target = MaskPyramid.of(mask, strokes.xy, levels)
+            missed = target.loss(strokes.xy, np.full(COUNT, -1.0), strokes.offsets)[0]
             assert missed == pytest.approx(1.0, abs=0.1)
             assert len(target.masks) == len(target.weights) == levels
+
+
+@pytest.mark.parametrize("size", [(HEIGHT, WIDTH), (HEIGHT - 17, WIDTH - 53)])
+def test_the_derivatives_are_differences_of_the_loss(size):
+    """On even and odd canvases, whose pyramids end with whole and with half pixels."""
+    strokes, rng = two_lines(past=2), np.random.default_rng(3)
+    mask = rng.random((HEIGHT, WIDTH))[: size[0], : size[1]]
+    frame = frame_of(strokes)
+    target = MaskPyramid.of(mask, strokes.xy, 3)
+    loss = TraceLoss(target, frame, start_of(frame), 0.3)
+    at = [rng.normal(0, 1, len(strokes.xy)), rng.normal(0, 0.2, len(strokes.xy))]
+    got = loss(*at)
+    for k, slopes in enumerate((got.by_across, got.by_widening)):
+        way = np.sign(slopes) * rng.random(len(slopes))
+        ends = [loss(*(v + d * way if k == i else v for i, v in enumerate(at))).loss
+                for d in (2e-3, -2e-3)]  # fmt: skip
+        assert (ends[0] - ends[1]) / 4e-3 == pytest.approx(slopes @ way, rel=0.03)
 
 
 def test_a_thin_line_weighs_as_much_as_a_thick_one():
     strokes = two_lines()
     thickness = np.where(strokes.xy[:, 1] < 60, 1.5, 12.0)
     mask = mask_of(strokes.xy, thickness, strokes.offsets)
-    target = MaskPyramid.of(mask, strokes.xy, 1, CPU)
-    ink = (target.masks[0] * target.weights[0])[0, 0].sum(1).numpy()
-    rows = np.arange(len(ink)) + target.corner[1].item()
+    target = MaskPyramid.of(mask, strokes.xy, 1)
+    ink = (target.masks[0] * target.weights[0]).sum(axis=1)
+    rows = np.arange(len(ink)) + target.corner[1]
     thin, thick = ink[rows < 60].sum(), ink[rows > 60].sum()
     assert thin + thick == pytest.approx(float(target.masks[0].sum()), rel=1e-4)
     assert 0.35 < thin / thick < 1.2  # by area it would be an eighth
@@ -220,49 +227,47 @@ def test_the_crop_keeps_its_place():
     strokes = two_lines()
     mask = np.zeros((HEIGHT, WIDTH))
     mask[70, 60] = 1.0
-    target = MaskPyramid.of(mask, strokes.xy + [60.0, 20.0], 1, CPU)
+    target = MaskPyramid.of(mask, strokes.xy + [60.0, 20.0], 1)
     x, y = (int(v) for v in target.corner)
-    assert (x, y) == (58, 28) and target.masks[0][0, 0, 70 - y, 60 - x] == 1.0
+    assert (x, y) == (58, 28) and target.masks[0][70 - y, 60 - x] == 1.0
 
 
 def test_the_pyramid_halves_and_blurs_and_keeps_its_sum():
-    image = torch.zeros(1, 1, 64, 64)
-    image[0, 0, 32, 32] = 1.0
+    image = np.zeros((64, 64), np.float32)
+    image[32, 32] = 1.0
     levels = pyramid(image, 4)
     assert [level.shape[-1] for level in levels] == [64, 32, 16, 8]
     sums = [float(level.sum()) * 4**i for i, level in enumerate(levels)]
     assert sums == pytest.approx([1, 1, 1, 1], rel=1e-5)
     assert [int((level > 0).sum()) for level in levels] == [1, 9, 9, 9]
-    assert [level.shape[-1] for level in pyramid(torch.zeros(1, 1, 7, 7), 2)] == [7, 4]
+    assert [level.shape[-1] for level in pyramid(np.zeros((7, 7), np.float32), 2)] == [7, 4]
 
 
 # --------------------------------------------------------------------------- records of strokes
 
 
-def test_strokes_as_tensors():
+def test_frames_of_strokes():
     strokes = planned(level(40, 30, 60), level(80, 30, 60), past=1)
     deformations = np.zeros((len(strokes.xy), 2, 2))
     deformations[:, 0] = [1.0, 2.0]
     deformations[:, 1] = [0.0, -1.0]
-    tensors = tensors_of(strokes, deformations)
-    moved = tensors.displaced(torch.tensor([2.0, 3.0])) - tensors.xy
-    assert moved.numpy() == pytest.approx(np.tile([2.0, 1.0], (len(moved), 1)))
-    assert tensors.deformations_across() == pytest.approx(np.tile([2.0, -1.0], (len(moved), 1)))
-    assert tensors.across(moved).numpy() == pytest.approx(1.0)
+    frame = frame_of(strokes, deformations)
+    moved = displaced(frame, np.array([2.0, 3.0])) - frame.xy
+    assert moved == pytest.approx(np.tile([2.0, 1.0], (len(moved), 1)))
+    assert frame.deformations_across() == pytest.approx(np.tile([2.0, -1.0], (len(moved), 1)))
+    assert frame.across(moved) == pytest.approx(1.0)
     n = strokes.offsets[1]
-    interior = np.ones(2 * n - 2, bool)
-    interior[[n - 2, n - 1]] = False
-    assert tensors.interior().tolist() == interior.tolist()
-    assert float(thickness_of(torch.tensor(np.log(5.0 + HAIR)))) == pytest.approx(5.0)
-    below = torch.tensor([-9.0])
-    assert float(thickness_of(below)) < 0 and Traced(tensors.xy[:1], below).thickness.tolist() == [
-        0
-    ]
+    inner = np.ones(2 * n - 2, bool)
+    inner[[n - 2, n - 1]] = False
+    assert interior(strokes.offsets).tolist() == inner.tolist()
+    assert float(thickness_of(np.log(5.0 + HAIR))) == pytest.approx(5.0)
+    below = np.array([-9.0])
+    assert thickness_of(below) < 0 and Traced(frame.xy[:1], below).thickness.tolist() == [0]
 
 
 def test_a_traced_stroke_is_believed_where_both_ways_of_seeing_agree():
     strokes = planned(level(40, 30, 90), past=3)
-    tensors, count = tensors_of(strokes), len(strokes.xy)
+    frame, count = frame_of(strokes), len(strokes.xy)
     offset, thickness = np.full(count, 2.0), np.full(count, 4.0)
     inner = np.flatnonzero(strokes.on_curve)
     measured = Observation(offset.copy(), thickness.copy(), np.ones(count))
@@ -276,10 +281,10 @@ def test_a_traced_stroke_is_believed_where_both_ways_of_seeing_agree():
     ink[[0, 1]] = 1.0  # past the start: ink that may be another stroke's
     thickness[[0, 1]] = 0.4, 3.0
     traced = Traced(
-        tensors.xy + 2.0 * tensors.normals,
-        torch.tensor(np.log(thickness + HAIR), dtype=torch.float32),
+        frame.xy + 2.0 * frame.normals,
+        np.log(thickness + HAIR),
     )
-    seen, agrees = traced.observed(tensors, measured, ink)
+    seen, agrees = traced.observed(frame, measured, ink)
     assert seen.offset == pytest.approx(2.0, abs=1e-5)
     assert seen.thickness == pytest.approx(thickness, abs=1e-5)
     told = {k: seen.confidence[inner[k]] for k in range(7)}
@@ -295,8 +300,8 @@ def test_traced_strokes_lose_ends_that_are_too_thin_to_see():
     log_width = np.log(np.where(strokes.overshoot > 3, 0.0, 4.0) + HAIR)
     log_width[strokes.offsets[1] :] = np.log(HAIR)
     traced = Traced(
-        torch.tensor(strokes.xy, dtype=torch.float32),
-        torch.tensor(log_width, dtype=torch.float32),
+        strokes.xy,
+        log_width,
     )
     drawn, rows = traced.strokes(strokes)
     assert len(drawn) == 1 and rows.tolist() == list(range(strokes.offsets[1]))

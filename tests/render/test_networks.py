@@ -2,7 +2,6 @@ import pytest
 import torch
 
 from strokestyle.render.networks import (
-    AdditiveNet,
     PatchDiscriminator,
     PathNet,
     SurfaceNet,
@@ -83,30 +82,3 @@ def test_a_path_is_a_plain_zero_padded_convolution():
 
 def test_no_curves_give_no_points():
     assert PathNet()(torch.zeros(0, 45), torch.tensor([0])).shape == (0, 3)
-    assert AdditiveNet(5)(torch.zeros(0, 5)).shape == (0,)
-
-
-def test_an_additive_network_adds_what_each_feature_says():
-    torch.manual_seed(0)
-    network = AdditiveNet(4)
-    torch.nn.init.normal_(network.weight)
-    torch.nn.init.normal_(network.line)
-    x = torch.randn(9, 4)
-    zero = network(torch.zeros(9, 4))
-    parts = [network(x * (torch.arange(4) == k)) - zero for k in range(4)]
-    torch.testing.assert_close(network(x) - zero, sum(parts), atol=1e-5, rtol=1e-4)
-
-
-def test_the_penalty_leaves_out_features_that_say_nothing():
-    torch.manual_seed(0)
-    x = torch.randn(200, 6)
-    y = torch.sin(x[:, 2]) + 0.3 * torch.randn(200)
-    network = AdditiveNet(6)
-    optimiser = torch.optim.Adam(network.parameters(), lr=0.02)
-    for _ in range(200):
-        optimiser.zero_grad()
-        ((network(x) - y).square().mean() + 0.08 * network.penalty()).backward()
-        optimiser.step()
-    size = (network.weight.square().sum(1) + network.line.square()).sqrt()
-    assert size[2] > 0.1
-    assert size[[0, 1, 3, 4, 5]].max() < 0.15 * size[2]

@@ -1,10 +1,9 @@
-"""Drawing needs no torch: what it computes is what the network of the fit computes."""
+"""Drawing: the curves of thickness, the parts of strokes, and styles that are refused."""
 
 from dataclasses import asdict, fields, replace
 
 import numpy as np
 import pytest
-import torch
 from known_law import level, planned
 from scipy import ndimage
 from small_styles import plain_style
@@ -20,23 +19,27 @@ from strokestyle.geometry.parts import Parts
 from strokestyle.render.config import StyleConfig
 from strokestyle.render.displacement import DEFORMATIONS
 from strokestyle.render.features import FEATURES, NIB_ANGLES, FeatureScaling
-from strokestyle.render.networks import AdditiveNet
 from strokestyle.render.residuals import Residuals
 from strokestyle.render.style import Style, SumOfCurves, trim_invisible_ends, without_hairs
 from strokestyle.render.style_file import load_style, save_style
 from strokestyle.render.texture_bank import OWN_REGRESSORS, TextureBank
 
 
-def test_a_sum_of_curves_is_the_network_that_was_trained():
-    torch.manual_seed(0)
-    network = AdditiveNet(5, 8)
-    for parameter in network.parameters():
-        torch.nn.init.normal_(parameter)
-    points = np.random.default_rng(0).normal(size=(40, 5))
-    ours = SumOfCurves(**{name: value.numpy() for name, value in network.state_dict().items()})
-    with torch.no_grad():
-        theirs = network(torch.tensor(points, dtype=torch.float32)).numpy()
-    np.testing.assert_allclose(ours(points), theirs, atol=2e-5)
+def sum_of_curves(count, hidden=8):
+    """Curves of `count` features, any."""
+    random = np.random.default_rng(0)
+    shapes = [(count, hidden)] * 3 + [(count,), ()]
+    return SumOfCurves(*(random.normal(size=shape).astype(np.float32) for shape in shapes))
+
+
+def test_a_sum_of_curves_adds_what_each_feature_says():
+    curves, points = sum_of_curves(5), np.random.default_rng(1).normal(size=(40, 5))
+    zero = curves(np.zeros((40, 5)))
+    parts = [curves(points * (np.arange(5) == k)) - zero for k in range(5)]
+    assert curves(points) - zero == pytest.approx(sum(parts), abs=1e-5)
+    assert curves(np.zeros((0, 5))).shape == (0,)
+    one = SumOfCurves(*(np.full(shape, 0.5) for shape in [(1, 2)] * 3 + [(1,), ()]))
+    assert one(np.array([[2.0]])) == pytest.approx([2 * 0.5 * np.tanh(1.5) + 1.0 + 0.5])
 
 
 def middles(drawing):
@@ -104,12 +107,11 @@ def test_curves_of_two_parts_may_be_drawn_in_one_go_and_are_two_strokes():
 
 def test_a_model_without_a_part_of_its_texture_is_refused(tmp_path):
     count, path = len(FEATURES), tmp_path / "model.pt"
-    network = {name: value.numpy() for name, value in AdditiveNet(count, 8).state_dict().items()}
     arrays = {f.name: np.zeros(1, np.float32) for f in fields(TextureBank)}
     bank = TextureBank(**arrays | {"margin": 2.0, "flat": False})
     each = np.zeros(count)
     scaling = FeatureScaling(each, each, each, each)
-    style = Style(StyleConfig(), SumOfCurves(**network), np.zeros(8), scaling, bank=bank)
+    style = Style(StyleConfig(), sum_of_curves(count), np.zeros(8), scaling, bank=bank)
     save_style(path, style)
     assert load_style(path).bank is not None
     stored = read_model(path)

@@ -362,7 +362,7 @@ device_option = click.option(
     type=click.Choice(["auto", "cpu", "cuda"]),
     default="auto",
     show_default=True,
-    help="Where to compute; auto takes CUDA where there is one.",
+    help="Where the networks of --preset paper compute; auto takes CUDA where there is one.",
 )
 
 json_option = click.option(

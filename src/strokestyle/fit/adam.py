@@ -1,6 +1,6 @@
-"""Adam on a one-cycle schedule, for the few tensors of the fast presets.
+"""Adam on a one-cycle schedule, for the few arrays that the fast presets learn.
 
-That of torch.optim, whose first use imports torch's compiler: longer than all these steps take.
+To rounding it is that of torch.optim, which takes longer to import than all these steps.
 """
 
 from __future__ import annotations
@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
 BETA, EPSILON = 0.999, 1e-8  # of the mean square, as Kingma and Ba 2015 have it
 # Smith and Topin 2018: the rate rises to its top and falls to almost nothing, along cosines, while
@@ -24,37 +22,32 @@ class OneCycleAdam:
 
     Parameters
     ----------
-    parameters : what is learned, with gradients
+    parameters : arrays that are learned, in place
     rates : for each of them the learning rate at the cycle's top
     steps : of the whole cycle
     warm_up : share of the steps until it is at its top
     """
 
     def __init__(
-        self, parameters: Sequence[Tensor], rates: Sequence[float], steps: int, warm_up: float
+        self, parameters: Sequence[np.ndarray], rates: Sequence[float], steps: int, warm_up: float
     ):
         self.parameters, self.rates = list(parameters), list(rates)
         self.steps, self.warm_up = steps, warm_up
         self.done = 0
-        self.mean = [torch.zeros_like(p) for p in self.parameters]
-        self.square = [torch.zeros_like(p) for p in self.parameters]
+        self.mean = [np.zeros_like(p) for p in self.parameters]
+        self.square = [np.zeros_like(p) for p in self.parameters]
 
-    def step(self) -> None:
-        """Move by the gradients, and forget them."""
+    def step(self, gradients: Sequence[np.ndarray]) -> None:
+        """Move against the gradients, one for each of the parameters."""
         share, momentum = self._schedule()
         self.done += 1
         unbiased, settled = 1 - momentum**self.done, (1 - BETA**self.done) ** 0.5
-        with torch.no_grad():
-            for p, rate, mean, square in zip(
-                self.parameters, self.rates, self.mean, self.square, strict=True
-            ):
-                if p.grad is None:
-                    continue
-                mean.lerp_(p.grad, 1 - momentum)
-                square.mul_(BETA).addcmul_(p.grad, p.grad, value=1 - BETA)
-                size = square.sqrt().div_(settled).add_(EPSILON)
-                p.addcdiv_(mean, size, value=-rate * share / unbiased)
-                p.grad = None
+        for p, rate, mean, square, gradient in zip(
+            self.parameters, self.rates, self.mean, self.square, gradients, strict=True
+        ):
+            mean += (1 - momentum) * (gradient - mean)
+            square += (1 - BETA) * (gradient * gradient - square)
+            p -= rate * share / unbiased * mean / (np.sqrt(square) / settled + EPSILON)
 
     def _schedule(self) -> tuple[float, float]:
         """The learning rate of the next step, of that at the top, and the momentum."""
@@ -67,10 +60,15 @@ class OneCycleAdam:
         return float(end + (1 - end) * weight), float(low + (high - low) * weight)
 
     def state_dict(self) -> dict[str, Any]:
-        return {"done": self.done, "mean": list(self.mean), "square": list(self.square)}
+        """What `load_state_dict` goes on from: arrays by name, and how many steps are done."""
+        kept: dict[str, Any] = {"done": self.done}
+        for name in ("mean", "square"):
+            kept[name] = {str(i): a.copy() for i, a in enumerate(getattr(self, name))}
+        return kept
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from a state. Raises KeyError or ValueError where it is of other parameters."""
         self.done = state["done"]
         for name in ("mean", "square"):
-            for mine, kept in zip(getattr(self, name), state[name], strict=True):
-                mine.copy_(kept)
+            for i, mine in enumerate(getattr(self, name)):
+                mine[...] = state[name][str(i)]

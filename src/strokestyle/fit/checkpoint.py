@@ -6,33 +6,29 @@ One that was stopped goes on from there, and ends with the same weights as one t
 from __future__ import annotations
 
 import hashlib
-import io
 import json
-import pickle
 import signal
 import threading
 import time
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-import torch
 
-from ..files import write_bytes
+from ..files import read_model, write_model
 from .adam import OneCycleAdam
 
-FORMAT = 2
-# what torch.load and the reading of what it returns raise on files that are no checkpoints
-DAMAGE = (
-    RuntimeError, pickle.UnpicklingError, EOFError, LookupError, ValueError, TypeError,
-    AttributeError, OverflowError, zipfile.BadZipFile,
-)  # fmt: skip
-WRITING = 50  # times as long as a write took is at least waited until the next one
+if TYPE_CHECKING:
+    import torch
 
-Learned = torch.nn.Module | torch.Tensor
-Training = torch.optim.Optimizer | torch.optim.lr_scheduler.LRScheduler | OneCycleAdam
+    Learned = np.ndarray | torch.nn.Module | torch.Tensor
+    Training = OneCycleAdam | torch.optim.Optimizer | torch.optim.lr_scheduler.LRScheduler
+
+FORMAT = 3
+DAMAGE = LookupError, ValueError, TypeError, AttributeError
+WRITING = 50  # times as long as a write took is at least waited until the next one
 
 
 class Checkpoint:
@@ -62,9 +58,8 @@ class Checkpoint:
         self._written = time.monotonic()
         if not self.resume or self.path is None or not self.path.exists():
             return
-        data = self.path.read_bytes()
         try:
-            payload = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+            payload = read_model(self.path)
             form, found = payload["format"], dict(payload["key"])
             choices, stages = dict(payload["choices"]), dict(payload["stages"])
         except DAMAGE:
@@ -96,7 +91,7 @@ class Checkpoint:
         return self._stages.get(stage)
 
     def save(self, stage: str, state: dict) -> None:
-        """Keep a state: tensors, numbers, strings, and dicts and lists of them.
+        """Keep a state: arrays, numbers and strings, lists of the last two, and dicts of all.
 
         The file is replaced whole.
         """
@@ -104,12 +99,8 @@ class Checkpoint:
             return
         start = time.monotonic()
         self._stages[stage] = state
-        buffer = io.BytesIO()
-        torch.save(
-            {"format": FORMAT, "key": self._key, "choices": self._choices, "stages": self._stages},
-            buffer,
-        )
-        write_bytes(self.path, buffer.getvalue())
+        kept = {"key": self._key, "choices": self._choices, "stages": self._stages}
+        write_model(self.path, {"format": FORMAT, **kept}, compressed=False)
         self._written = time.monotonic()
         self._took = self._written - start
 
@@ -136,7 +127,7 @@ class Checkpoint:
 
         Parameters
         ----------
-        learned : modules and tensors by name
+        learned : arrays, modules and tensors by name
         training : optimisers and schedules by name, not needed once the stage is over
         rng : the generator that the steps draw from
         """
@@ -184,7 +175,9 @@ class _Stage:
             _restore(part, known["learned"][name])
         if self.done < self.steps:
             for name, optimiser in self.training.items():
-                optimiser.load_state_dict(known["training"][name])
+                state = known["training"][name]
+                ours = isinstance(optimiser, OneCycleAdam)
+                optimiser.load_state_dict(state if ours else _tensors(state))
         if self.rng is not None:
             self.rng.bit_generator.state = json.loads(known["rng"])
 
@@ -194,7 +187,7 @@ class _Stage:
         return {
             "step": self.done,
             "learned": {name: _state(part) for name, part in self.learned.items()},
-            "training": {name: part.state_dict() for name, part in training},
+            "training": {name: _arrays(part.state_dict()) for name, part in training},
             "rng": None if self.rng is None else json.dumps(self.rng.bit_generator.state),
         }
 
@@ -254,12 +247,39 @@ def _difference(name: str, found: str | None, wanted: str) -> str:
     return f"{name} {found}, not {wanted}" if short else f"another {name}"
 
 
-def _state(part: Learned) -> torch.Tensor | dict:
-    return part.detach() if isinstance(part, torch.Tensor) else part.state_dict()
+def _state(part: Learned) -> Any:
+    if isinstance(part, np.ndarray):
+        return part.copy()
+    return _arrays(part.state_dict() if hasattr(part, "state_dict") else part)
 
 
-def _restore(part: Learned, state) -> None:
-    if isinstance(part, torch.Tensor):
-        part.data.copy_(state)
+def _restore(part: Learned, state: Any) -> None:
+    if isinstance(part, np.ndarray):
+        part[...] = state
+    elif hasattr(part, "state_dict"):
+        cast("torch.nn.Module", part).load_state_dict(_tensors(state))
     else:
-        part.load_state_dict(state)
+        part.data.copy_(_tensors(state))
+
+
+def _arrays(state: Any) -> Any:
+    """A state with arrays in place of torch's tensors, and strings of the numbers that name some.
+
+    torch is not imported for that: where it was not, there are no tensors.
+    """
+    if isinstance(state, dict):
+        return {str(name): _arrays(value) for name, value in state.items()}
+    if isinstance(state, (list, tuple)):
+        return [_arrays(value) for value in state]
+    return state.detach().cpu().numpy().copy() if hasattr(state, "detach") else state
+
+
+def _tensors(state: Any) -> Any:
+    """What `_arrays` was made of."""
+    import torch
+
+    if isinstance(state, dict):
+        return {
+            int(name) if name.isdigit() else name: _tensors(value) for name, value in state.items()
+        }
+    return torch.from_numpy(state.copy()) if isinstance(state, np.ndarray) else state

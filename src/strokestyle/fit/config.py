@@ -38,3 +38,36 @@ class FitConfig:
     residuals: float = 1.0
     texture: bool = True
     style: StyleConfig = field(default_factory=StyleConfig)
+
+
+@dataclass(frozen=True)
+class NeuralStrokesConfig:
+    """The paper's schedule; what its text leaves open is from its authors' code.
+
+    Parameters
+    ----------
+    preset : its name, kept in the model
+    patches : px, one size a batch (paper, sec. 4)
+    batch : patches (paper)
+    rate : Adam's learning rate (paper)
+    geometry_steps, geometry_decay : iterations, and how many of them, the last, let the rate fall
+        to 0 (code)
+    texture_steps, texture_decay : the same for the texture (code)
+    smoothness, color, blurred, adversarial : weights of L_s, L_t (paper), of L_t after a blur
+        (code), and L_a (paper)
+    schedule : share of all the steps that is run, so that it can be tried on a small machine
+    """
+
+    preset: str = "paper"
+    patches: tuple[int, ...] = (64, 128, 192, 256)
+    batch: int = 16
+    rate: float = 2e-4
+    geometry_steps: int = 90 * 500
+    geometry_decay: int = 30 * 500
+    texture_steps: int = 20 * 3125
+    texture_decay: int = 10 * 3125
+    smoothness: float = 0.02
+    color: float = 1.0
+    blurred: float = 1.0
+    adversarial: float = 1.0
+    schedule: float = 1.0

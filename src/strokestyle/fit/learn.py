@@ -5,25 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from scipy import ndimage
-from torch import Tensor
-from torch.nn import functional as F
 
 from ..drawing.strokes import Strokes
 from ..extract.view import View
 from ..geometry.curves import arc_length, owner
 from ..render.choice import without_short_runs
 from ..render.config import HAIR, StyleConfig
-from ..render.devices import pick_device
-from ..render.displacement import Frame, across_strokes
+from ..render.displacement import Frame, across_strokes, displaced
 from ..render.features import FeatureScaling, plan, point_features, surface_at
-from ..render.networks import AdditiveNet
 from ..render.overshoots import Overshoots
 from ..render.plan import Planned, lift
 from ..render.residuals import Residuals
 from ..render.style import Style, SumOfCurves
-from .adam import OneCycleAdam
 from .align import Alignment, align
 from .checkpoint import Checkpoint
 from .config import FitConfig
@@ -35,7 +29,8 @@ from .pen_ends import pen_ends, probe_ends
 from .progress import Report, Reporter
 from .restate import Passes, find_passes
 from .texture import learn_texture
-from .trace import MaskPyramid, StrokeTensors, Traced, affordable_steps, optimise_strokes
+from .thickness import learn_thickness
+from .trace import MaskPyramid, Traced, affordable_steps, optimise_strokes
 
 FEATURE_RANGE = 0.5, 99.5  # percentiles of the training strokes' features; what lies beyond is cut
 MIN_SPREAD = 1e-3  # of a feature: one that hardly varies is not blown up
@@ -51,12 +46,8 @@ MIN_AGREEING, MIN_AGREEING_SHARE = 4, 0.4  # points of a stroke whose residuals 
 ROUNDS = 20  # of reweighting
 OUTLIER = 0.5  # px of misfit beyond which an observation counts by its distance, not its square
 MIN_DEFORMATION = 0.3  # px rms, below which a deformation is not scaled up to compare with others
-WIDTH_OUTLIER = 0.2  # of log width: the same for the thickness
-WARM_UP = 0.2  # of the steps, until the one-cycle schedule is at its top
-CURVE_DECAY = 1e-3  # weight of the curves' squared weights
 TAKEN = 0.5  # of the mask, at a point that no ink was found for: what it holds is another stroke's
 MEETING = 30.0  # px along a stroke, where it only meets another
-UNSEEN_THICKNESS = 3.0  # px (with HAIR) to begin with where nothing is known
 
 
 def measure_scaling(raw: np.ndarray) -> FeatureScaling:
@@ -75,19 +66,19 @@ class TrainingStrokes:
     ----------
     config : the style's
     planned : strokes on the curves
-    tensors : the same for the optimiser
+    frame : the same, and how they can be moved
     features : (N, P) float32, normalised by `scaling`
     scaling : of the features
     """
 
     config: StyleConfig
     planned: Planned
-    tensors: StrokeTensors
-    features: Tensor
+    frame: Frame
+    features: np.ndarray
     scaling: FeatureScaling
 
     @classmethod
-    def of(cls, view: View, config: StyleConfig, device: torch.device) -> TrainingStrokes:
+    def of(cls, view: View, config: StyleConfig) -> TrainingStrokes:
         """Plan the strokes of a view. Raises ValueError where there are none."""
         planned = plan(view, config)
         if not len(planned):
@@ -97,33 +88,27 @@ class TrainingStrokes:
         surface = planned.carry(surface_at(view, config.spacing))
         raw = point_features(planned, surface, config)
         scaling = measure_scaling(raw)
-        features = torch.tensor(scaling(raw), dtype=torch.float32, device=device)
-        tensors = StrokeTensors.of(Frame.of(planned, surface, config.spacing), device)
-        return cls(config, planned, tensors, features, scaling)
+        frame = Frame.of(planned, surface, config.spacing)
+        return cls(config, planned, frame, scaling(raw).astype(np.float32), scaling)
 
     def aligned(self, alignment: Alignment) -> TrainingStrokes:
         """Lay the strokes where the drawing has them; their features stay those of the curves."""
         planned = replace(self.planned, xy=self.planned.xy + alignment.shift)
-        across = across_strokes(planned.xy, planned.offsets, self.config.spacing)
-        xy, normals = (
-            torch.as_tensor(a, dtype=torch.float32, device=self.features.device)
-            for a in (planned.xy, across)
+        normals = across_strokes(planned.xy, planned.offsets, self.config.spacing)
+        return replace(
+            self, planned=planned, frame=replace(self.frame, xy=planned.xy, normals=normals)
         )
-        tensors = replace(self.tensors, xy=xy, normals=normals)
-        return replace(self, planned=planned, tensors=tensors)
 
     @property
     def normals(self) -> np.ndarray:
         """(N, 2) float64, unit vectors across the strokes."""
-        return self.tensors.normals.double().cpu().numpy()
+        return self.frame.normals
 
     def repeated(self, passes: Passes) -> TrainingStrokes:
         """Lay a stroke for each pass of the lines that are gone over."""
         planned, rows = passes.planned, passes.rows
-        part = self.tensors.part(rows, planned.offsets, planned.on_curve)
-        xy = torch.as_tensor(planned.xy, dtype=torch.float32, device=self.features.device)
-        features = self.features[torch.as_tensor(rows, device=self.features.device)]
-        return replace(self, planned=planned, tensors=replace(part, xy=xy), features=features)
+        frame = replace(self.frame.part(rows, planned.offsets, planned.on_curve), xy=planned.xy)
+        return replace(self, planned=planned, frame=frame, features=self.features[rows])
 
     def lifted(
         self, view: View, past: np.ndarray, shift: np.ndarray
@@ -138,10 +123,10 @@ class TrainingStrokes:
         surface = planned.carry(surface_at(view, self.config.spacing))
         raw = point_features(planned, surface, self.config)
         scaling = measure_scaling(raw)
-        features = self.features.new_tensor(scaling(raw))
-        tensors = self.tensors.part(rows, planned.offsets, planned.on_curve)
+        features = scaling(raw).astype(np.float32)
+        frame = self.frame.part(rows, planned.offsets, planned.on_curve)
         aligned = replace(planned, xy=planned.xy + shift[rows])
-        return TrainingStrokes(self.config, aligned, tensors, features, scaling), rows
+        return TrainingStrokes(self.config, aligned, frame, features, scaling), rows
 
     def measured(self, mask: np.ndarray) -> Observation:
         """Measure a mask (H, W) across the strokes."""
@@ -162,15 +147,13 @@ class StrokeLaw:
     thickness : features -> log(thickness + HAIR)
     """
 
-    displacement: Tensor
-    thickness: AdditiveNet
+    displacement: np.ndarray
+    thickness: SumOfCurves
 
     def __call__(self, training: TrainingStrokes) -> Traced:
         """Draw the training strokes by the law."""
-        with torch.no_grad():
-            return Traced(
-                training.tensors.displaced(self.displacement), self.thickness(training.features)
-            )
+        xy = displaced(training.frame, self.displacement)
+        return Traced(xy, self.thickness(training.features).astype(np.float64))
 
 
 @dataclass(frozen=True)
@@ -244,7 +227,6 @@ def fit_quick(
     exemplar: Exemplar,
     config: FitConfig,
     seed: int = 0,
-    device: torch.device | None = None,
     report: Reporter | None = None,
     checkpoint: Checkpoint | None = None,
     until: float | None = None,
@@ -254,11 +236,10 @@ def fit_quick(
     `fit_style` says what the arguments mean; `until`, on the clock of time.monotonic(), is when
     the fit is to be over. Raises ValueError where there are no strokes to learn from.
     """
-    device, checkpoint = device or pick_device("cpu"), checkpoint or Checkpoint()
-    report = report or Reporter(None, 1)
+    checkpoint, report = checkpoint or Checkpoint(), report or Reporter(None, 1)
     style_config = replace(config.style, size=max(exemplar.mask.shape))
     style_config = learn_manner(view, exemplar.mask, style_config)
-    seen = _seen(view, exemplar, style_config, device)
+    seen = _seen(view, exemplar, style_config)
     # The law is learned twice. What is measured across the strokes is wrong where lines crowd, but
     # its law is a start from which the trace finds the right line; the law that is kept is
     # learned from the traced strokes.
@@ -270,7 +251,7 @@ def fit_quick(
     strokes, rows = pulled.traced.strokes(pulled.training.planned)
     if config.texture and len(strokes):
         report("texture", 0, 1, {})
-        features = pulled.training.features.double().cpu().numpy()[rows]
+        features = pulled.training.features[rows].astype(np.float64)
         style = replace(style, bank=learn_texture(strokes, features, seen.exemplar, seed))
         report("texture", 1, 1, {})
     planned = pulled.training.planned
@@ -278,11 +259,10 @@ def fit_quick(
     return Learned(style, strokes, seen.ink, seen.alignment, planned.xy[doubted])
 
 
-def _seen(view: View, exemplar: Exemplar, config: StyleConfig, device: torch.device) -> _Seen:
+def _seen(view: View, exemplar: Exemplar, config: StyleConfig) -> _Seen:
     """Lay the strokes of a view on the drawing, and look what is there."""
-    training = TrainingStrokes.of(view, config, device)
-    deformations = training.tensors.deformations.double().cpu().numpy()
-    alignment = align(exemplar.mask, training.planned, deformations, config.spacing)
+    training = TrainingStrokes.of(view, config)
+    alignment = align(exemplar.mask, training.planned, training.frame.deformations, config.spacing)
     training = training.aligned(alignment)
     passes = find_passes(exemplar.alpha, training.planned, training.normals, config.spacing)
     if passes is not None:
@@ -302,9 +282,9 @@ def _seen(view: View, exemplar: Exemplar, config: StyleConfig, device: torch.dev
 def _pulled(view: View, seen: _Seen, traced: Traced) -> _Pulled:
     """Begin and end the traced strokes where the pen does, and choose what they teach."""
     training, spacing = seen.training, seen.training.config.spacing
-    found, agrees = traced.observed(training.tensors, seen.measured, seen.shown)
+    found, agrees = traced.observed(training.frame, seen.measured, seen.shown)
     found = disbelieved(found if seen.passes is None else seen.passes.doubted(found), seen.taken)
-    past, clear = pen_ends(training.planned, *traced.arrays(), seen.ink.lines, spacing)
+    past, clear = pen_ends(training.planned, traced.thickness, traced.xy, seen.ink.lines, spacing)
     training, rows = training.lifted(view, past, seen.alignment.shift)
     overshoots = Overshoots.of(np.where(clear, past, np.nan))
     return _Pulled(training, traced.part(rows), found.part(rows), agrees[rows], overshoots)
@@ -331,12 +311,11 @@ def learn_law(
 
     Only deformations that are `free` (M,) bool are used.
     """
-    weights = learn_displacement(training.tensors.deformations_across() * free, observed)
-    displacement = torch.tensor(weights, dtype=torch.float32, device=training.features.device)
-    network = learn_thickness(
+    weights = learn_displacement(training.frame.deformations_across() * free, observed)
+    thickness = learn_thickness(
         training.features, observed, config, training.config.hidden_units, seed, report
     )
-    return StrokeLaw(displacement, network)
+    return StrokeLaw(weights.astype(np.float32), thickness)
 
 
 def learn_displacement(basis: np.ndarray, observed: Observation, ridge: float = 1e-2) -> np.ndarray:
@@ -360,50 +339,6 @@ def learn_displacement(basis: np.ndarray, observed: Observation, ridge: float = 
     return answer / scale
 
 
-def learn_thickness(
-    features: Tensor,
-    observed: Observation,
-    config: FitConfig,
-    hidden: int,
-    seed: int,
-    report: Report,
-) -> AdditiveNet:
-    """Learn the sparse sum of curves that explains the thickness best.
-
-    Parameters
-    ----------
-    features : (N, P) float32, normalised
-    observed : its thickness, weighed by its confidence
-    config : its `steps`, `rate` and `sparsity` are used
-    hidden : units of each feature's curve
-    seed : of the curves' first weights
-    report : told of every step, as "thickness"
-    """
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        network = AdditiveNet(features.shape[1], hidden)
-    confidence = features.new_tensor(observed.confidence)
-    log_width = features.new_tensor(np.log(np.maximum(observed.thickness, 0.0) + HAIR))
-    known = float(confidence.sum())
-    network = network.to(features.device)
-    network.base.data = (
-        (confidence * log_width).sum() / known
-        if known > 0
-        else features.new_tensor(np.log(UNSEEN_THICKNESS))
-    )
-    parameters = list(network.parameters())
-    adam = OneCycleAdam(parameters, [config.rate] * len(parameters), config.steps, WARM_UP)
-    for step in range(config.steps):
-        error = F.smooth_l1_loss(network(features), log_width, reduction="none", beta=WIDTH_OUTLIER)
-        error = (confidence * error).sum() / max(known, 1.0)
-        loss = error + config.sparsity * network.penalty()
-        loss = loss + CURVE_DECAY * network.weight.square().sum()
-        loss.backward()
-        adam.step()
-        report("thickness", step + 1, config.steps, {"error": error})
-    return network
-
-
 def taken_ink(planned: Planned, explained: np.ndarray, ink: np.ndarray) -> np.ndarray:
     """Where strokes lie on the ink of others, (N,) bool, for longer than where they meet.
 
@@ -425,8 +360,7 @@ def disbelieved(observed: Observation, where: np.ndarray) -> Observation:
 
 def thin_start(start: Traced, where: np.ndarray) -> Traced:
     """Begin without width at points `where` (N,) bool, to grow where the drawing has ink."""
-    thin = torch.as_tensor(where, device=start.log_width.device)
-    return replace(start, log_width=start.log_width.masked_fill(thin, float(np.log(HAIR))))
+    return replace(start, log_width=np.where(where, np.log(HAIR), start.log_width))
 
 
 def _traced(
@@ -440,8 +374,8 @@ def _traced(
     """Trace the drawing's strokes, beginning where the law has them, in as many steps as fit."""
     training, mask = seen.training, seen.ink.lines
     start = thin_start(begin_past_ends(training, law(training), mask), seen.taken)
-    strokes = training.tensors
-    target = MaskPyramid.of(mask, training.planned.xy, config.levels, strokes.xy.device)
+    strokes = training.frame
+    target = MaskPyramid.of(mask, training.planned.xy, config.levels)
 
     def affordable() -> int:
         if until is None:
@@ -457,26 +391,22 @@ def _traced(
 def begin_past_ends(training: TrainingStrokes, drawn: Traced, mask: np.ndarray) -> Traced:
     """Let strokes begin with a width past their ends where ink runs on, and elsewhere with none."""
     planned, config = training.planned, training.config
-    thickness, xy = drawn.arrays()
+    thickness, xy = drawn.thickness, drawn.xy
     lines = [
         xy[a:b][planned.on_curve[a:b]]
         for a, b in zip(planned.offsets[:-1], planned.offsets[1:], strict=True)
     ]
     usual = float(np.median(thickness[planned.on_curve]))
     probes = probe_ends(lines, mask, usual, config.max_overshoot, config.spacing)
-    log_width = drawn.log_width.clone()
-    bare = torch.as_tensor(~planned.on_curve & ~probes.drawn(planned), device=log_width.device)
-    log_width[bare] = float(np.log(HAIR))
-    return Traced(log_width.new_tensor(probes.laid(planned, xy)), log_width)
+    bare = ~planned.on_curve & ~probes.drawn(planned)
+    return Traced(probes.laid(planned, xy), np.where(bare, np.log(HAIR), drawn.log_width))
 
 
 def _residuals(training: TrainingStrokes, law: StrokeLaw, traced: Traced) -> np.ndarray:
     """What the traced strokes do beside the law, (N, 2): px across, and log width."""
     meant = law(training)
-    with torch.no_grad():
-        across = training.tensors.across(traced.xy - meant.xy)
-        off = torch.stack([across, traced.log_width - meant.log_width], dim=1)
-        return off.double().cpu().numpy()
+    across = training.frame.across(traced.xy - meant.xy)
+    return np.stack([across, traced.log_width - meant.log_width], axis=1)
 
 
 def learn_residuals(
@@ -523,11 +453,10 @@ def _style(seen: _Seen, pulled: _Pulled, law: StrokeLaw, config: FitConfig) -> S
         off = config.residuals * _residuals(training, law, pulled.traced)
         spacing = training.config.spacing
         residuals = learn_residuals(off, training.planned, pulled.agrees, spacing)
-    curves = {name: value.cpu().numpy() for name, value in law.thickness.state_dict().items()}
     return Style(
         config=training.config,
-        log_width=SumOfCurves(**curves),
-        displacement=law.displacement.cpu().numpy(),
+        log_width=law.thickness,
+        displacement=law.displacement,
         scaling=training.scaling,
         residuals=residuals,
         overshoots=pulled.overshoots,

@@ -10,7 +10,7 @@ import copy
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -28,48 +28,19 @@ from ..render.neural_strokes import (
     stroke_geometry,
     view_maps,
 )
-from .checkpoint import Checkpoint, Training
+from .checkpoint import Checkpoint
+from .config import NeuralStrokesConfig
 from .exemplar import Exemplar
 from .losses import blur, holds_stroke, lsgan_loss, smoothness_loss
 from .patches import crop, cut_curves, patch_corners, patch_sizes, turned_patches
 from .progress import Report, Reporter
 
+if TYPE_CHECKING:
+    from .checkpoint import Training
+
 STEPS_SHARE = 0.95  # of a budget of time; the rest is for checkpoints and writing
 TRIAL_SHARE = 0.05  # of a budget, after which larger patches are no longer timed but guessed
 TRIAL_STEPS = 3  # that are timed, the first of which only warms up
-
-
-@dataclass(frozen=True)
-class NeuralStrokesConfig:
-    """The paper's schedule; what its text leaves open is from its authors' code.
-
-    Parameters
-    ----------
-    preset : its name, kept in the model
-    patches : px, one size a batch (paper, sec. 4)
-    batch : patches (paper)
-    rate : Adam's learning rate (paper)
-    geometry_steps, geometry_decay : iterations, and how many of them, the last, let the rate fall
-        to 0 (code)
-    texture_steps, texture_decay : the same for the texture (code)
-    smoothness, color, blurred, adversarial : weights of L_s, L_t (paper), of L_t after a blur
-        (code), and L_a (paper)
-    schedule : share of all the steps that is run, so that it can be tried on a small machine
-    """
-
-    preset: str = "paper"
-    patches: tuple[int, ...] = (64, 128, 192, 256)
-    batch: int = 16
-    rate: float = 2e-4
-    geometry_steps: int = 90 * 500
-    geometry_decay: int = 30 * 500
-    texture_steps: int = 20 * 3125
-    texture_decay: int = 10 * 3125
-    smoothness: float = 0.02
-    color: float = 1.0
-    blurred: float = 1.0
-    adversarial: float = 1.0
-    schedule: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -301,7 +272,8 @@ def _train_geometry(
             optimiser.step()
             schedule.step()
             passed()
-            report("geometry", step, steps, {"mask": loss_mask, "smooth": loss_smooth})
+            losses = {"mask": loss_mask.detach(), "smooth": loss_smooth.detach()}
+            report("geometry", step, steps, losses)
 
 
 # ----------------------------------------------------------------------------------------- texture
@@ -378,7 +350,11 @@ def _train_texture(
             schedule_g.step()
             schedule_d.step()
             passed()
-            losses = {"color": loss_color, "loss_g_adv": loss_g_adv, "loss_d": loss_d}
+            losses = {
+                "color": loss_color.detach(),
+                "loss_g_adv": loss_g_adv.detach(),
+                "loss_d": loss_d.detach(),
+            }
             report("texture", step, steps, losses)
 
 

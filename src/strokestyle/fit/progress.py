@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-
-import torch
+from typing import SupportsFloat
 
 REPORT_INTERVAL = 0.2  # s between two calls of the user's callback
 
 # What a training loop calls after each step: stage, step, steps of that stage, losses by name
-Report = Callable[[str, int, int, Mapping[str, "torch.Tensor | float"]], None]
+Report = Callable[[str, int, int, Mapping[str, "SupportsFloat"]], None]
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class Reporter:
         self.passed, self.stage = 0, ""
 
     def __call__(
-        self, stage: str, step: int, steps: int, losses: Mapping[str, torch.Tensor | float]
+        self, stage: str, step: int, steps: int, losses: Mapping[str, SupportsFloat]
     ) -> None:
         if self.callback is None:
             return
@@ -62,5 +61,5 @@ class Reporter:
             self.passed += steps
         done = self.passed + (step if step < steps else 0)
         left = (now - self.start) / done * max(self.total - done, 0) if done else None
-        values = {name: float(torch.as_tensor(value).detach()) for name, value in losses.items()}
+        values = {name: float(value) for name, value in losses.items()}
         self.callback(Progress(stage, step, steps, values, left))

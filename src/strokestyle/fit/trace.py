@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-import torch
-from torch import Tensor
-from torch.nn import functional as F
+from scipy import ndimage
 
 from ..drawing.strokes import Strokes
 from ..render.config import HAIR
-from ..render.coverage import coverage
 from ..render.displacement import Frame
 from ..render.plan import Planned
 from ..render.style import trim_invisible_ends
 from .adam import OneCycleAdam
 from .checkpoint import Checkpoint
 from .config import FitConfig
+from .cover import cover_strokes
 from .observe import Observation
 from .progress import Report
 
@@ -45,63 +44,12 @@ CROP_MARGIN = 32  # px around the strokes' points that are compared with the mas
 CROWD_FLOOR = 0.06  # of ink around a pixel: more weight than its inverse no pixel gets
 
 
-@dataclass(frozen=True)
-class StrokeTensors:
-    """Planned strokes as tensors on one device, real numbers in float32.
-
-    Parameters
-    ----------
-    xy : (N, 2) px, on the curves
-    normals : (N, 2) unit vectors across the strokes
-    deformations : (N, M, 2) px, the displacement by each of DEFORMATIONS at full strength
-    offsets : (C+1,) int64
-    on_curve : (N,) bool, False where a point lies past a stroke's end
-    """
-
-    xy: Tensor
-    normals: Tensor
-    deformations: Tensor
-    offsets: Tensor
-    on_curve: Tensor
-
-    @classmethod
-    def of(cls, frame: Frame, device: torch.device) -> StrokeTensors:
-        """Copy a frame's arrays to a device."""
-        arrays = (frame.xy, frame.normals, frame.deformations, frame.offsets, frame.on_curve)
-        tensors = [torch.as_tensor(array, device=device) for array in arrays]
-        return cls(*(a.float() if a.is_floating_point() else a for a in tensors))
-
-    def part(self, rows: np.ndarray, offsets: np.ndarray, on_curve: np.ndarray) -> StrokeTensors:
-        """Keep some rows (n,), which `offsets` cut into strokes, `on_curve` (n,) where they are."""
-        index = torch.as_tensor(rows, device=self.offsets.device)
-        cut, on = (torch.as_tensor(a, device=index.device) for a in (offsets, on_curve))
-        return StrokeTensors(self.xy[index], self.normals[index], self.deformations[index], cut, on)
-
-    def displaced(self, weights: Tensor) -> Tensor:
-        """Move the points by `weights` (M,) of the deformations: (N, 2) px."""
-        return self.xy + (self.deformations * weights[:, None]).sum(1)
-
-    def across(self, vectors: Tensor) -> Tensor:
-        """Measure vectors (N, 2) along the normals: (N,)."""
-        return (vectors * self.normals).sum(1)
-
-    def deformations_across(self) -> np.ndarray:
-        """Measure the deformations along the normals: (N, M) float64, px."""
-        return (self.deformations * self.normals[:, None]).sum(2).double().cpu().numpy()
-
-    def interior(self) -> Tensor:
-        """(N-2,) bool: rows i, i + 1 and i + 2 lie on one stroke."""
-        joined = torch.ones(int(self.offsets[-1]) - 1, dtype=torch.bool, device=self.offsets.device)
-        joined[self.offsets[1:-1] - 1] = False
-        return joined[1:] & joined[:-1]
-
-
-def thickness_of(log_width: Tensor) -> Tensor:
+def thickness_of(log_width: np.ndarray) -> np.ndarray:
     """Turn log(thickness + HAIR) into px.
 
-    It may fall below 0, which `coverage` takes for 0 with a gradient.
+    It may fall below 0, which `cover_strokes` takes for 0 with a derivative.
     """
-    return torch.exp(log_width) - HAIR
+    return np.exp(log_width) - HAIR
 
 
 @dataclass(frozen=True)
@@ -111,94 +59,149 @@ class MaskPyramid:
     Parameters
     ----------
     corner : (2,) px, x and y of the crop in the mask
-    masks : per level, (1, 1, h, w)
-    weights : per level, (1, 1, h, w), of a pixel's error; their mean over the ink is 1
-    levels : how many
+    masks : per level, (h, w) float32
+    weights : per level, (h, w) float32, of a pixel's error; their mean over the ink is 1
     """
 
-    corner: Tensor
-    masks: tuple[Tensor, ...]
-    weights: tuple[Tensor, ...]
-    levels: int
+    corner: np.ndarray
+    masks: tuple[np.ndarray, ...]
+    weights: tuple[np.ndarray, ...]
 
     @classmethod
-    def of(cls, mask: np.ndarray, xy: np.ndarray, levels: int, device: torch.device) -> MaskPyramid:
+    def of(cls, mask: np.ndarray, xy: np.ndarray, levels: int) -> MaskPyramid:
         """Crop a mask (H, W) around points (N, 2) px and blur it in steps."""
         height, width = mask.shape
         x0, y0 = np.maximum(np.floor(xy.min(axis=0)).astype(int) - CROP_MARGIN, 0)
         x1, y1 = np.ceil(xy.max(axis=0)).astype(int) + CROP_MARGIN
-        crop = torch.tensor(
-            mask[y0 : min(y1, height), x0 : min(x1, width)], dtype=torch.float32, device=device
-        )[None, None]
-        corner = torch.tensor([x0, y0], dtype=torch.float32, device=device)
-        return cls(corner, pyramid(crop, levels), pyramid(_ink_weight(crop), levels), levels)
+        crop = mask[y0 : min(y1, height), x0 : min(x1, width)].astype(np.float32)
+        weights = pyramid(_ink_weight(crop), levels)
+        return cls(np.array([x0, y0], float), pyramid(crop, levels), weights)
 
-    def loss(self, xy: Tensor, thickness: Tensor, offsets: Tensor) -> Tensor:
-        """Mean over levels of |drawn - mask|, per pixel of stroke in the mask."""
-        height, width = self.masks[0].shape[2:]
-        drawn = coverage(xy - self.corner, thickness, offsets, height, width)[None, None]
-        total = sum(
-            ((image - mask).abs() * weight).sum() * 4**level
-            for level, (image, mask, weight) in enumerate(
-                zip(pyramid(drawn, self.levels), self.masks, self.weights, strict=True)
+    def loss(
+        self, xy: np.ndarray, thickness: np.ndarray, offsets: np.ndarray
+    ) -> tuple[float, np.ndarray, np.ndarray]:
+        """Mean over levels of |drawn - mask|, per pixel of stroke in the mask.
+
+        Returns it, and its derivatives by xy (N, 2) and by thickness (N,).
+        """
+        height, width = self.masks[0].shape
+        cover = cover_strokes(xy - self.corner, thickness, offsets, height, width)
+        drawn = np.zeros(height * width, np.float32)
+        drawn[cover.pixel] = cover.value
+        scale = 1 / (len(self.masks) * max(float(self.masks[0].sum()), 1.0))
+        total, pulls = 0.0, []
+        images = pyramid(drawn.reshape(height, width), len(self.masks))
+        for level, (image, mask, weight) in enumerate(
+            zip(images, self.masks, self.weights, strict=True)
+        ):
+            error = image - mask
+            weight = weight * np.float32(4**level * scale)
+            total += float((np.abs(error) * weight).sum(dtype=np.float64))
+            pulls.append(np.sign(error) * weight)
+        pull = pulls[0].ravel()[cover.pixel]
+        if len(pulls) > 1:
+            row = cover.pixel // width
+            coarse = _back(pulls[1:])
+            pull = (
+                pull
+                + _share(row >> 1, height)
+                * _share((column := cover.pixel - row * width) >> 1, width)
+                * coarse[row >> 1, column >> 1]
             )
-        )
-        return total / (self.levels * self.masks[0].sum().clamp(min=1.0))
+        return total, *cover.pull(pull)
 
 
-def _ink_weight(crop: Tensor) -> Tensor:
+def _share(half: np.ndarray, size: int) -> np.ndarray:
+    """Of what a row or column on the halved grid is the mean: 1 / 2, or 1 / 1 at an odd end."""
+    return np.where(2 * half + 1 < size, np.float32(0.5), np.float32(1.0))
+
+
+def _back(pulls: list[np.ndarray]) -> np.ndarray:
+    """Derivatives by each level of a pyramid below the first -> by the first that is halved."""
+    total = np.zeros_like(pulls[-1])
+    for pull in reversed(pulls):
+        if total.shape != pull.shape:
+            height, width = pull.shape
+            row, column = np.arange(height) >> 1, np.arange(width) >> 1
+            share = _share(row, height)[:, None] * _share(column, width)
+            total = share * total[row[:, None], column]
+        total = total + _blurred(pull)  # it is its own transpose
+    return total
+
+
+def _ink_weight(crop: np.ndarray) -> np.ndarray:
     """Weigh pixels so that a line counts by its length rather than its area.
 
     Otherwise hairlines would be given up for the sake of outlines.
     """
-    around = F.interpolate(pyramid(crop, 4)[-1], size=crop.shape[2:], mode="bilinear")
+    small = pyramid(crop, 4)[-1]
+    around = small
+    for axis, size in enumerate(crop.shape):
+        # the pixels' centres on the small grid, which is laid over the same area
+        at = (np.arange(size) + 0.5) * (small.shape[axis] / size) - 0.5
+        at = np.clip(at, 0, small.shape[axis] - 1)
+        first = np.minimum(at.astype(int), max(small.shape[axis] - 2, 0))
+        second = np.minimum(first + 1, small.shape[axis] - 1)
+        part = (at - first).astype(np.float32)
+        part = part[:, None] if axis == 0 else part
+        around = (1 - part) * around.take(first, axis) + part * around.take(second, axis)
     weight = 1.0 / (CROWD_FLOOR + around)
-    return weight * crop.sum() / (weight * crop).sum().clamp(min=1e-6)
+    return weight * crop.sum() / np.maximum((weight * crop).sum(), 1e-6)
 
 
-def pyramid(image: Tensor, levels: int) -> tuple[Tensor, ...]:
-    """The image (1, 1, H, W), then box blurs of 6, 12, ... px of it on grids of 2, 4, ... px."""
+def pyramid(image: np.ndarray, levels: int) -> tuple[np.ndarray, ...]:
+    """The image (H, W), then box blurs of 6, 12, ... px of it on grids of 2, 4, ... px."""
     out, small = [image], image
     for _ in range(levels - 1):
-        small = F.avg_pool2d(small, 2, ceil_mode=True)
-        out.append(F.avg_pool2d(small, 3, 1, 1))
+        small = _halved(small)
+        out.append(_blurred(small))
     return tuple(out)
+
+
+def _halved(image: np.ndarray) -> np.ndarray:
+    """Means of 2 x 2 pixels; at an odd end, of those that are there."""
+    for axis in (0, 1):
+        if image.shape[axis] % 2:
+            last = image.take([-1], axis)
+            image = np.concatenate([image, last], axis)
+    rows = image[::2] + image[1::2]
+    return (rows[:, ::2] + rows[:, 1::2]) * np.float32(0.25)
+
+
+def _blurred(image: np.ndarray) -> np.ndarray:
+    """Means of 3 x 3 pixels, of which those outside are 0."""
+    return ndimage.uniform_filter(image, 3, mode="constant")
 
 
 @dataclass(frozen=True)
 class Traced:
     """The strokes of the drawing: xy (N, 2) px, log_width (N,) = log(thickness + HAIR)."""
 
-    xy: Tensor
-    log_width: Tensor
+    xy: np.ndarray
+    log_width: np.ndarray
 
     @property
-    def thickness(self) -> Tensor:
+    def thickness(self) -> np.ndarray:
         """(N,) px, full width, 0 at least."""
-        return thickness_of(self.log_width).clamp(min=0.0)
-
-    def arrays(self) -> tuple[np.ndarray, np.ndarray]:
-        """Thickness (N,) and xy (N, 2), px, float64."""
-        return self.thickness.double().cpu().numpy(), self.xy.double().cpu().numpy()
+        return np.maximum(thickness_of(self.log_width), 0.0)
 
     def part(self, rows: np.ndarray) -> Traced:
         """Keep some rows (n,)."""
-        index = torch.as_tensor(rows, device=self.xy.device)
-        return Traced(self.xy[index], self.log_width[index])
+        return Traced(self.xy[rows], self.log_width[rows])
 
     def strokes(self, planned: Planned) -> tuple[Strokes, np.ndarray]:
         """These strokes without the ends that are too thin to see.
 
         Returns them, and the rows (n,) of `planned` that they keep.
         """
-        thickness, xy = self.arrays()
+        thickness = self.thickness
         rows, offsets, kept = trim_invisible_ends(thickness, planned.offsets)
         return Strokes(
-            xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool)
+            self.xy[rows], thickness[rows], offsets, planned.kind[kept], np.zeros(len(kept), bool)
         ), rows
 
     def observed(
-        self, strokes: StrokeTensors, measured: Observation, ink: np.ndarray
+        self, strokes: Frame, measured: Observation, ink: np.ndarray
     ) -> tuple[Observation, np.ndarray]:
         """Take these strokes for an observation, believed as far as another one agrees.
 
@@ -210,12 +213,11 @@ class Traced:
 
         Returns the observation, and where (N,) bool the two agree.
         """
-        offset = strokes.across(self.xy - strokes.xy).double().cpu().numpy()
-        thickness = self.thickness.double().cpu().numpy()
+        offset, thickness = strokes.across(self.xy - strokes.xy), self.thickness
         ratio = np.log((thickness + HAIR) / (np.maximum(measured.thickness, 0) + HAIR))
         agrees = (measured.confidence > 0) & (np.abs(ratio) < AGREEING_RATIO)
         agrees &= np.abs(offset - measured.offset) < AGREEING_OFFSET
-        past = ~strokes.on_curve.cpu().numpy()
+        past = ~strokes.on_curve
         # past an end nothing is measured, and ink there may be another stroke's
         shown = past & ((ink < 0.5) | (thickness > 1.0))
         confidence = np.where(
@@ -226,9 +228,41 @@ class Traced:
         return Observation(offset, thickness, confidence), agrees
 
 
-def roughness(values: Tensor, interior: Tensor) -> Tensor:
-    """Mean squared second difference of values (N,) over the rows `interior` (N-2,)."""
-    return (values[2:] - 2 * values[1:-1] + values[:-2])[interior].square().mean()
+def interior(offsets: np.ndarray) -> np.ndarray:
+    """(N-2,) bool: rows i, i + 1 and i + 2 lie on one stroke."""
+    joined = np.ones(max(int(offsets[-1]) - 1, 0), bool)
+    joined[offsets[1:-1] - 1] = False
+    return joined[1:] & joined[:-1]
+
+
+def roughness(values: np.ndarray, inner: np.ndarray) -> tuple[float, np.ndarray]:
+    """Mean squared second difference of values (N,) over the rows `inner` (N-2,).
+
+    Returns it, and its derivative by the values (N,).
+    """
+    bend = np.where(inner, values[2:] - 2 * values[1:-1] + values[:-2], 0.0)
+    count = max(int(inner.sum()), 1)
+    pull = np.zeros_like(values)
+    pull[2:] += bend
+    pull[1:-1] -= 2 * bend
+    pull[:-2] += bend
+    return float((bend**2).sum()) / count, pull * (2 / count)
+
+
+class Misfit(NamedTuple):
+    """What tracing makes small, and its derivatives.
+
+    Parameters
+    ----------
+    loss : all of it
+    mask : the misfit to the mask within it
+    by_across, by_widening : derivatives (N,)
+    """
+
+    loss: float
+    mask: float
+    by_across: np.ndarray
+    by_widening: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -239,31 +273,48 @@ class TraceLoss:
     ----------
     target : the mask
     strokes : the planned strokes
+    start : where their points begin, and how wide
     roughness : weight of the mean squared second differences of the changes
     """
 
     target: MaskPyramid
-    strokes: StrokeTensors
+    strokes: Frame
+    start: Traced
     roughness: float
 
-    def __call__(self, traced: Traced, across: Tensor, widening: Tensor) -> tuple[Tensor, Tensor]:
-        """The loss, and the misfit to the mask within it.
+    def moved(self, across: np.ndarray, widening: np.ndarray) -> Traced:
+        """The strokes, changed by `across` (N,) px and `widening` (N,), of log width."""
+        xy = self.start.xy + across[:, None] * self.strokes.normals
+        return Traced(xy, self.start.log_width + widening)
 
-        `across` (N,) px and `widening` (N,), of log width, are the changes that made `traced`.
-        """
+    def __call__(self, across: np.ndarray, widening: np.ndarray) -> Misfit:
+        """Measure strokes that are `moved`."""
+        traced, count = self.moved(across, widening), len(across)
         thickness = thickness_of(traced.log_width)
-        interior = self.strokes.interior()
-        misfit = self.target.loss(traced.xy, thickness, self.strokes.offsets)
-        rough = roughness(across, interior) + THICKNESS_ROUGHNESS * roughness(widening, interior)
-        change = across.square().mean() + widening.square().mean()
+        misfit, by_xy, by_thickness = self.target.loss(traced.xy, thickness, self.strokes.offsets)
+        inner = interior(self.strokes.offsets)
+        bent, by_bend = roughness(across, inner)
+        uneven, by_uneven = roughness(widening, inner)
+        rough = bent + THICKNESS_ROUGHNESS * uneven
+        change = float((across**2).mean() + (widening**2).mean())
         # a stroke runs on past its end only where the mask asks for it
-        past = thickness[~self.strokes.on_curve].clamp(min=0).sum() / len(thickness)
-        loss = misfit + self.roughness * rough + PULL_WEIGHT * change + OVERSHOOT_WEIGHT * past
-        return loss, misfit
+        past = np.where(self.strokes.on_curve, 0.0, np.maximum(thickness, 0.0))
+        loss = misfit + self.roughness * rough + PULL_WEIGHT * change
+        loss += OVERSHOOT_WEIGHT * float(past.sum()) / count
+        by_thickness = by_thickness + OVERSHOOT_WEIGHT / count * (past > 0)
+        pull = 2 * PULL_WEIGHT / count
+        return Misfit(
+            loss,
+            misfit,
+            self.strokes.across(by_xy) + self.roughness * by_bend + pull * across,
+            by_thickness * np.exp(traced.log_width)
+            + self.roughness * THICKNESS_ROUGHNESS * by_uneven
+            + pull * widening,
+        )
 
 
 def optimise_strokes(
-    strokes: StrokeTensors,
+    strokes: Frame,
     start: Traced,
     target: MaskPyramid,
     config: FitConfig,
@@ -281,33 +332,24 @@ def optimise_strokes(
     report : told of every step
     checkpoint : where the state is kept, under "trace"
     """
-    across = torch.zeros_like(start.log_width, requires_grad=True)
-    widening = torch.zeros_like(start.log_width, requires_grad=True)
+    across, widening = np.zeros(len(start.log_width)), np.zeros(len(start.log_width))
+    trace_loss = TraceLoss(target, strokes, start, config.roughness)
     adam = OneCycleAdam(
         [across, widening], [OFFSET_RATE, LOG_WIDTH_RATE], config.trace_steps, WARM_UP
     )
-    trace_loss = TraceLoss(target, strokes, config.roughness)
-
-    def moved() -> Traced:
-        return Traced(start.xy + across[:, None] * strokes.normals, start.log_width + widening)
-
     learned = {"across": across, "widening": widening}
-    with checkpoint.watch("trace", config.trace_steps, learned, {"adam": adam}) as (
-        remaining,
-        passed,
-    ):
+    watched = checkpoint.watch("trace", config.trace_steps, learned, {"adam": adam})
+    with watched as (remaining, passed):
         for step in remaining:
-            loss, misfit = trace_loss(moved(), across, widening)
-            loss.backward()
-            adam.step()
+            misfit = trace_loss(across, widening)
+            adam.step([misfit.by_across, misfit.by_widening])
             passed()
-            report("trace", step, config.trace_steps, {"mask": misfit})
-    with torch.no_grad():
-        return moved()
+            report("trace", step, config.trace_steps, {"mask": misfit.mask})
+    return trace_loss.moved(across, widening)
 
 
 def affordable_steps(
-    strokes: StrokeTensors, start: Traced, target: MaskPyramid, config: FitConfig, until: float
+    strokes: Frame, start: Traced, target: MaskPyramid, config: FitConfig, until: float
 ) -> int:
     """Count the steps of `optimise_strokes` that fit in the time left, with what follows.
 
@@ -316,8 +358,6 @@ def affordable_steps(
     clock: list[float] = []
 
     def tick(*_: object) -> None:
-        if start.log_width.device.type == "cuda":
-            torch.cuda.synchronize(start.log_width.device)
         clock.append(time.monotonic())
 
     optimise_strokes(strokes, start, target, replace(config, trace_steps=6), tick, Checkpoint())

@@ -5,19 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..extract.view import View
-from ..render.devices import pick_device, repeatable
-from ..render.neural_strokes import NeuralStrokesStyle
 from ..render.style import Style
 from .checkpoint import Checkpoint, digest
 from .choice import DrawnLines, learn_lines
-from .config import FitConfig
+from .config import FitConfig, NeuralStrokesConfig
 from .exemplar import Exemplar
 from .learn import Learned, fit_quick
-from .neural_strokes import NeuralStrokesConfig, fit_neural_strokes
 from .progress import Progress, Reporter
+
+if TYPE_CHECKING:
+    from ..render.neural_strokes import NeuralStrokesStyle
 
 STANDARD = FitConfig("standard", steps=300, trace_steps=300)
 PRESETS: dict[str, FitConfig | NeuralStrokesConfig] = {
@@ -64,7 +65,8 @@ def fit_style(
     config : one of PRESETS, or a change of it
     seed : same seed, same style, bit for bit on one machine (the paper's networks on a GPU: but for
         rounding)
-    device : "auto", "cpu" or "cuda"
+    device : "auto", "cpu" or "cuda", for the paper's networks; the fast presets have nothing to
+        gain from one
     progress : called a few times a second
     source : the drawing's name, kept in the model
     checkpoint : where to keep the state of the fit, and whether to go on from it; the caller
@@ -116,19 +118,25 @@ def fit_drawing(
     if exemplar.mask.max() < 0.5:
         raise ValueError("no strokes in this drawing: nothing to learn from")
     about = {"strokestyle": __version__, "preset": config.preset, "seed": seed, "exemplar": source}
-    where, checkpoint = pick_device(device), checkpoint or Checkpoint()
+    # else there is no need of torch, whose import takes longer than all steps of a fast preset
+    if isinstance(config, NeuralStrokesConfig) or device not in ("auto", "cpu"):
+        from ..render.devices import pick_device
+
+        where = pick_device(device)
+    checkpoint = checkpoint or Checkpoint()
     checkpoint.begin(_key(view, exemplar, config, seed))
     lines = learn_lines(view, exemplar.mask)
     view, about = lines.view, about | lines.about
     if isinstance(config, NeuralStrokesConfig):
+        from .neural_strokes import fit_neural_strokes
+
         report = Reporter(progress, config.geometry_steps + config.texture_steps)
-        paper = fit_neural_strokes(
+        fitted = fit_neural_strokes(
             view, exemplar, config, seed, where, report, about, checkpoint, until
         )
-        return Fitted(replace(paper, choice=lines.choice), lines, None)
+        return Fitted(replace(fitted, choice=lines.choice), lines, None)
     report = Reporter(progress, 2 * config.steps + config.trace_steps)
-    with repeatable(where):
-        learned = fit_quick(view, exemplar, config, seed, where, report, checkpoint, until)
+    learned = fit_quick(view, exemplar, config, seed, report, checkpoint, until)
     style = replace(learned.style, choice=lines.choice, about=about)
     return Fitted(style, lines, learned)
 

@@ -60,6 +60,19 @@ class Frame:
         deformations = deformations_of(planned, surface[:, 3:], spacing, weights)
         return cls(planned.xy, normals, deformations, planned.offsets, planned.on_curve)
 
+    def part(self, rows: np.ndarray, offsets: np.ndarray, on_curve: np.ndarray) -> Frame:
+        """Keep some rows (n,), which `offsets` cut into strokes, `on_curve` (n,) where they are."""
+        deformations = self.deformations[rows]
+        return Frame(self.xy[rows], self.normals[rows], deformations, offsets, on_curve)
+
+    def across(self, vectors: np.ndarray) -> np.ndarray:
+        """Measure vectors (N, 2) along the normals: (N,)."""
+        return (vectors * self.normals).sum(axis=1)
+
+    def deformations_across(self) -> np.ndarray:
+        """Measure the deformations along the normals: (N, M) px."""
+        return (self.deformations * self.normals[:, None]).sum(axis=2)
+
 
 def across_strokes(xy: np.ndarray, offsets: np.ndarray, spacing: float) -> np.ndarray:
     """Unit normals (N, 2) of smoothed strokes, (-t_y, t_x) of their tangents."""

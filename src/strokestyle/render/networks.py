@@ -1,4 +1,4 @@
-"""Define the networks: the paper's three and its discriminator, and what the fast presets learn.
+"""Define the networks of the paper: its three, and its discriminator.
 
 The paper is Liu, Fisher, Hertzmann, Kalogerakis: Neural Strokes, ICCV 2021; its networks stand here
 layer by layer. Instance normalisation has no parameters of its own and every convolution has a
@@ -139,32 +139,6 @@ class PatchDiscriminator(nn.Module):
 
     def forward(self, rgb: Tensor) -> Tensor:
         return self.body(rgb)
-
-
-class AdditiveNet(nn.Module):
-    """Sum a curve of each feature, (N, P) -> (N,): a sparse additive model (Ravikumar et al. 2009).
-
-    One drawing holds a dozen or two strokes, so most of what tells strokes apart has been seen a
-    dozen times. A network that may combine features freely learns these strokes by heart; a sum of
-    curves, with `penalty` to leave out the features it can do without, does not. The sum is read as
-    a logarithm, where influences that scale each other add.
-    """
-
-    def __init__(self, features: int, hidden: int = 8):
-        super().__init__()
-        self.slope = nn.Parameter(torch.randn(features, hidden))
-        self.shift = nn.Parameter(torch.randn(features, hidden))
-        self.weight = nn.Parameter(torch.zeros(features, hidden))
-        self.line = nn.Parameter(torch.zeros(features))
-        self.base = nn.Parameter(torch.zeros(()))
-
-    def forward(self, points: Tensor) -> Tensor:
-        curves = torch.tanh(points[:, :, None] * self.slope + self.shift) * self.weight
-        return curves.sum((1, 2)) + points @ self.line + self.base
-
-    def penalty(self) -> Tensor:
-        """Group lasso (Yuan and Lin 2006): the sum over features of the size of their weights."""
-        return torch.sqrt(self.weight.square().sum(1) + self.line.square() + 1e-6).sum()
 
 
 def gapped(offsets: Tensor, gap: int) -> tuple[Tensor, int]:

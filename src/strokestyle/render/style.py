@@ -33,7 +33,10 @@ MIN_VISIBLE = 0.5  # px of thickness; a stroke's ends are trimmed to where it is
 
 @dataclass(frozen=True)
 class SumOfCurves:
-    """What a `networks.AdditiveNet` has learned: features (N, P) -> (N,).
+    """A curve of each feature, summed: a sparse additive model (Ravikumar et al. 2009).
+
+    Features (N, P) -> (N,). The sum is read as a logarithm, where influences that scale each other
+    add.
 
     Parameters
     ----------
