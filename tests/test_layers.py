@@ -25,6 +25,7 @@ TORCH = {
 ONLY = {
     "resvg_py": {"svg.write"},
     "svgwrite": {"svg.tree"},
+    "pydyf": {"svg.pdf"},
     "click": {"cli"},
     "rich": {"cli"},
     "embreex": {"extract.embree"},

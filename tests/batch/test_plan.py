@@ -58,7 +58,7 @@ def test_a_folder_without_shapes_is_named(here):
     [
         (["in"], "out.svg", "3 shapes need a folder to go to, such as drawings/, not out.svg"),
         (["a.obj", "b.obj"], "-", "2 shapes need a folder"),
-        (["a.obj"], "out.pdf", "out.pdf: drawings are .svg or .svgz"),
+        (["a.obj"], "out.bmp", "out.bmp: drawings are .svg, .svgz, .pdf, .png"),
         (["p/a.obj", "q/a.ply"], "out/", "p/a.obj and q/a.ply would both be written to out/a.svg"),
     ],
 )

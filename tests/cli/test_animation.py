@@ -153,9 +153,13 @@ def test_scale_rate_and_background_of_films(studio, tmp_path):
 @pytest.mark.parametrize(
     "args, words",
     [
-        (["-o", "a.gif"], ["a.gif: a film has several frames: give --turntable N", "--png"]),
-        (["-o", "a.png"], ["a film has several frames"]),
-        (["-o", "a.svg", "-o", "b.svg"], ["only an animation goes to several"]),
+        (["-o", "a.gif"], ["a.gif: a film has several frames: give --turntable N", ".pdf"]),
+        (["-o", "a.svg", "-o", "b/"], ["b/: several -o are files of one drawing"]),
+        (["-o", "a.svg", "-o", "a.svg"], ["a.svg is given twice"]),
+        (["-o", "a.svg", "-o", "-"], ["standard output takes one SVG"]),
+        (["-o", "a.svg", "--format", "pdf"], ["-o FOLDER/"]),
+        (["-o", "b/", "--turntable", "2", "--format", "png"], ["--png writes PNGs beside"]),
+        (["-o", "a.png", "--dpi", "300", "--png-scale", "2"], ["give one"]),
         (["-o", "a.svg", "--fps", "12"], ["--fps: of an animation: give --turntable N"]),
         (["-o", "a.svg", "--still", "--on-twos"], ["--still, --on-twos: of an animation"]),
         (["-o", "a.svg", "-o", "b/", "--turntable", "2"], ["frames go to one place"]),

@@ -71,14 +71,15 @@ def test_what_help_says_is_what_the_library_does():
         "size": DEFAULT_SIZE,
         "spacing": DEFAULT_SPACING,
         "fps": DEFAULT_RATE,
+        "png_scale": 1.0,
     }
     told = {}
     for option in (*commands["extract"].params, *commands["render"].params):
         if match := re.search(r"\[default: ([\w.]+)\]$", getattr(option, "help", "") or ""):
             told[option.name] = match[1]
-    assert {name: f"{defaults[name]:g}" for name in told if name not in ("up", "layers")} == {
-        name: value for name, value in told.items() if name not in ("up", "layers")
-    }
+    assert {
+        name: f"{defaults[name]:g}" for name in told if name not in ("up", "layers", "formats")
+    } == {name: value for name, value in told.items() if name not in ("up", "layers", "formats")}
     assert {"crease", "suggestive", "spacing", "fov", "tones", "decimals"} <= set(told)
     assert told["layers"] == SvgOptions().layers
 
@@ -112,7 +113,7 @@ def test_option_groups_hand_over_what_the_library_takes():
     [
         (["extract"], ["SHAPE"]),
         (["extract", "x.obj"], ["--output"]),
-        (["extract", "x.obj", "-o", "x.bmp"], ["x.bmp", ".png, .svg, .npz or .json"]),
+        (["extract", "x.obj", "-o", "x.bmp"], ["x.bmp", ".png, .svg, .pdf, .npz or .json"]),
         (["extract", "x.obj", "-o", "x.png", "--view", "sideways"], ["sideways", "three-quarter"]),
         (["extract", "x.obj", "-o", "x.png", "--size", "12"], ["12", "64 to 8192"]),
         (
@@ -135,7 +136,7 @@ def test_option_groups_hand_over_what_the_library_takes():
         (["fit", "a.png", "b.obj", "--preset", "slow"], ["quick", "standard", "paper"]),
         (["render", "m.pt", "a.obj"], ["nothing to write", "-o OUT.svg", "--stages"]),
         (["render", "m.pt", "a.obj", "b.obj", "-o", "out.svg"], ["2 shapes need a folder"]),
-        (["render", "m.pt", "a.obj", "-o", "out.pdf"], [".svg"]),
+        (["render", "m.pt", "a.obj", "-o", "out.bmp"], [".svg"]),
         (["render", "m.pt", "a.obj", "-o", "-", "--png"], ["standard output"]),
     ],
 )

@@ -238,7 +238,7 @@ def test_a_preview_and_what_is_left_out(drawn, tmp_path):
     [
         (["in.svg", "-o", "in.svg"], 1, "is the input"),
         (["no.svg", "-o", "o.svg"], 1, "no such file"),
-        (["in.svg", "-o", "o.png"], 2, "writes .svg"),
+        (["in.svg", "-o", "o.bmp"], 2, "drawings are .svg"),
         (["in.svg", "-o", "-", "--png"], 2, "no --png"),
         (["in.svg", "-o", "o.svg", "--thickness", "x"], 2, "takes a number"),
         (["in.svg", "-o", "o.svg", "--thickness", "arm=2"], 1, "no such kind of line or part"),

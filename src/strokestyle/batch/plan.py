@@ -14,6 +14,7 @@ from ..files import check_output
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".dae", ".xyz", ".wrl")
 VIEW_SUFFIXES = (".npz",)
 SVG_SUFFIXES = (".svg", ".svgz")
+DRAWING_SUFFIXES = (*SVG_SUFFIXES, ".pdf", ".png")
 STANDARD_OUTPUT = "-"
 
 
@@ -23,7 +24,7 @@ class Job(NamedTuple):
     Parameters
     ----------
     shape : the mesh or the view that is drawn
-    output : the SVG that is written, or STANDARD_OUTPUT
+    output : the file that is written, or STANDARD_OUTPUT
     """
 
     shape: str
@@ -34,23 +35,26 @@ class UnclearOutput(ValueError):
     """The shapes and the output that were asked for do not go together."""
 
 
-def plan_outputs(shapes: Sequence[str], output: str, mirror: bool = False) -> list[Job]:
+def plan_outputs(
+    shapes: Sequence[str], output: str, mirror: bool = False, suffix: str = ".svg"
+) -> list[Job]:
     """Plan which file each shape's drawing is written to, before anything is drawn.
 
     Parameters
     ----------
     shapes : files; a folder stands for all the meshes and views in it, by name
-    output : a file for one drawing, OUT.svg or OUT.svgz; a folder, one that is there already or any
-        name that ends in a slash or has no suffix, for SHAPE.svg each; or STANDARD_OUTPUT. The
-        folder is made where it is missing.
+    output : a file for one drawing, OUT.svg, .svgz, .pdf or .png; a folder, one that is there
+        already or any name that ends in a slash or has no suffix, for SHAPE.svg each; or
+        STANDARD_OUTPUT. The folder is made where it is missing.
     mirror : whether shapes keep their folders, which are made in the output's, and are looked for
         in the folders of a folder as well. A shape found in a folder keeps its folders from there
         on, others from the folder on that is common to all of those.
+    suffix : of the files in a folder
 
     Raises
     ------
     UnclearOutput
-        where several drawings would go to one file, or the output is no SVG.
+        where several drawings would go to one file, or the output is no file of a drawing.
     ValueError
         where a folder holds no shape, or an input would be overwritten.
     OSError
@@ -67,13 +71,15 @@ def plan_outputs(shapes: Sequence[str], output: str, mirror: bool = False) -> li
     if output == STANDARD_OUTPUT:
         return [Job(found[0], STANDARD_OUTPUT)]
     if not to_folder:
-        if folder.suffix.lower() not in SVG_SUFFIXES:
-            raise UnclearOutput(f"{output}: drawings are .svg or .svgz, or a folder of them")
+        if folder.suffix.lower() not in DRAWING_SUFFIXES:
+            raise UnclearOutput(
+                f"{output}: drawings are {', '.join(DRAWING_SUFFIXES)}, or a folder of them"
+            )
         jobs = [Job(found[0], output)]
     else:
         places = beneath or [""] * len(found)
         jobs = [
-            Job(shape, str(folder / place / (Path(shape).stem + ".svg")))
+            Job(shape, str(folder / place / (Path(shape).stem + suffix)))
             for shape, place in zip(found, places, strict=True)
         ]
         _refuse_two_to_one(jobs)

@@ -15,7 +15,7 @@ import click
 from .. import __version__
 from .messages import say, timed, told_warnings
 from .options import Number, OptionGroup, view_options
-from .outputs import STANDARD_OUTPUT, write_preview, write_svg_text
+from .outputs import STANDARD_OUTPUT, PngLook, preview_of, write_drawing
 from .progress import FrameDisplay
 from .shape import Shape
 
@@ -200,21 +200,11 @@ class Outputs(NamedTuple):
     films: tuple[Path, ...]
 
 
-def sorted_outputs(outputs: Sequence[str], animated: bool) -> Outputs:
+def sorted_outputs(outputs: Sequence[str]) -> Outputs:
     """Tell frames from films among the outputs; a usage error where they do not go together."""
-    films = tuple(Path(o) for o in outputs if _is_film(o))
-    others = [o for o in outputs if not _is_film(o)]
-    if not animated:
-        if films:
-            raise click.UsageError(
-                f"{films[0]}: a film has several frames: give --turntable N, --path CAMERAS.json "
-                "or --sequence; a drawing is .svg or .svgz, and --png writes a PNG beside it"
-            )
-        if len(outputs) > 1:
-            raise click.UsageError(
-                f"one -o for drawings, not {len(outputs)}: only an animation goes to several"
-            )
-    if STANDARD_OUTPUT in others and animated:
+    films = tuple(Path(o) for o in outputs if is_film(o))
+    others = [o for o in outputs if not is_film(o)]
+    if STANDARD_OUTPUT in others:
         raise click.UsageError("standard output takes one SVG: give -o FOLDER/, or -o OUT.gif ...")
     if len(others) > 1:
         raise click.UsageError(
@@ -227,7 +217,8 @@ def sorted_outputs(outputs: Sequence[str], animated: bool) -> Outputs:
     return Outputs(others[0] if others else None, films)
 
 
-def _is_film(output: str) -> bool:
+def is_film(output: str) -> bool:
+    """Whether an output of an animation is a film."""
     return Path(output).suffix.lower() in FILMS and not Path(output).is_dir()
 
 
@@ -237,10 +228,11 @@ def plan_animation(
     films: Sequence[Path],
     mirror: bool,
     options: Mapping[str, Any],
+    suffix: str = ".svg",
 ) -> Plan:
     """Which animations are drawn, and where to; what cannot be written is said before any work.
 
-    `output` : where frames go, or None; `mirror` as `plan_outputs` takes it
+    `output` : where frames go, or None; `mirror` and `suffix` as `plan_outputs` takes them
 
     Raises click.UsageError, ValueError or OSError.
     """
@@ -271,7 +263,7 @@ def plan_animation(
         raise click.UsageError("--mirror is for drawings of several shapes, not for a --sequence")
     shown = [str(Path(name).with_name(common_name(sequence)))] if sequence else shapes
     try:
-        jobs = plan_outputs(shown, output, mirror)
+        jobs = plan_outputs(shown, output, mirror, suffix)
     except UnclearOutput as error:
         raise click.UsageError(str(error)) from None
     for place in map(str, (*films, jobs[0].output)):  # the folder is made now
@@ -627,21 +619,20 @@ class Written:
         from ..svg.write import png_from_svg
 
         animation = self.animation
+        png = PngLook(animation.scale, None if animation.transparent else "#ffffff")
         held = min(animation.exposure, self.count - self.frame)
         for frame in range(self.frame, self.frame + held):
             if animation.frames:
                 output = numbered_output(self.job.output, frame, self.count)
-                write_svg_text(output, text)
-                self.files.append(output)
-                if animation.preview:
-                    self.files.append(write_preview(output, text, animation.scale))
+                files = [output, preview_of(output)] if animation.preview else [output]
+                write_drawing(files, text, png)
+                self.files += files
         self.frame += held
         for page in self.pages.values():
             page.add(text, self.size, held)
         if self.pictures is not None:
             with timed("picture"):
-                background = None if animation.transparent else "#ffffff"
-                self.pictures.add(png_from_svg(text, animation.scale, background), held)
+                self.pictures.add(png_from_svg(text, *png), held)
 
     def finish(self) -> None:
         """Write the films."""

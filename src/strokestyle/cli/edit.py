@@ -10,10 +10,26 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from .animation import NOTHING
 from .drawing import read_drawing
 from .messages import say, timed
-from .options import TEXTURES, check_look, common_options, file_options, seed_option
-from .outputs import STANDARD_OUTPUT, check_outputs, write_preview, write_svg_text
+from .options import (
+    TEXTURES,
+    check_look,
+    common_options,
+    file_options,
+    picture_options,
+    picture_scale,
+    seed_option,
+)
+from .outputs import (
+    STANDARD_OUTPUT,
+    PngLook,
+    check_drawings,
+    check_outputs,
+    preview_of,
+    write_drawing,
+)
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -103,9 +119,11 @@ Examples:
 @click.option(
     "-o",
     "--output",
+    "outputs",
     type=click.Path(),
     required=True,
-    help="OUT.svg, OUT.svgz, or - for standard output.",
+    multiple=True,
+    help="OUT.svg, .svgz, .pdf or .png; may be given several times. - is SVG to standard output.",
 )
 @edit_option("thickness", "K", "Every thickness times K.")
 @edit_option(
@@ -135,16 +153,18 @@ Examples:
     type=click.Choice(TEXTURES),
     help="As in render.  [default: as it is]",
 )
-@click.option("--png", is_flag=True, help="Write a PNG preview beside the SVG.")
+@picture_options
 @file_options
 @seed_option
 @common_options
 def edit(
     drawing: str,
-    output: str,
+    outputs: tuple[str, ...],
     edits: list[GivenEdit],
     texture: str | None,
     png: bool,
+    png_scale: float | None,
+    dpi: float | None,
     seed: int,
     **options: Any,
 ) -> None:
@@ -155,24 +175,27 @@ def edit(
     (text, shapes of your own), and clips, gradients and filters on strokes are not kept. IN.svg may
     be - for standard input. Points and sizes are pixels of the drawing.
     """
-    from ..batch.plan import SVG_SUFFIXES
-
-    if output != STANDARD_OUTPUT and Path(output).suffix.lower() not in SVG_SUFFIXES:
-        raise click.UsageError(f"{output}: edit writes .svg or .svgz")
-    if png and output == STANDARD_OUTPUT:
+    if png and STANDARD_OUTPUT in outputs:
         raise click.UsageError("standard output takes one SVG: no --png with -o -")
+    check_drawings(outputs)
+    scale = picture_scale(png_scale, dpi)
+    if png:
+        outputs = tuple(dict.fromkeys((*outputs, preview_of(outputs[0]))))
     look = file_options.given(options)
     if texture is None and look.get("inkscape_lpe"):
         texture = "none"
     if texture is not None:
         look["texture"] = texture
+    clear = look.get("background") == NOTHING
+    if clear:
+        look["background"] = None
     check_look(look)
-    check_outputs([output], [drawing] if drawing != "-" else [])
+    check_outputs(outputs, [drawing] if drawing != "-" else [])
     quickly = None if look else thickened(drawing, edits)
     text, count, lost = quickly or edited_text(drawing, edits, look, seed)
-    write_svg_text(output, text)
-    written = f"{output}, {write_preview(output, text)}" if png else output
-    say(f"{drawing}: {count} strokes -> {written}{lost}")
+    with timed("write the files"):
+        write_drawing(outputs, text, PngLook(scale, None if clear else "#ffffff"))
+    say(f"{drawing}: {count} strokes -> {', '.join(outputs)}{lost}")
 
 
 def thickened(drawing: str, edits: Sequence[GivenEdit]) -> tuple[str, int, str] | None:

@@ -16,13 +16,13 @@ from .options import (
     shape_options,
     view_options,
 )
-from .outputs import STANDARD_OUTPUT, check_outputs, print_json, write_svg_text
+from .outputs import STANDARD_OUTPUT, check_outputs, print_json, write_drawing
 from .shape import Shape
 
 if TYPE_CHECKING:
     from ..extract.view import View
 
-SUFFIXES = (".png", ".svg", ".svgz", ".npz", ".json")
+SUFFIXES = (".png", ".svg", ".svgz", ".pdf", ".npz", ".json")
 PAPER = "#ffffff"  # of the PNG that an artist draws over
 
 
@@ -72,7 +72,7 @@ def extract(shape: str, outputs: tuple[str, ...], tell: bool, **options: Any) ->
     for output in outputs:
         if output != STANDARD_OUTPUT and Path(output).suffix.lower() not in SUFFIXES:
             raise click.UsageError(
-                f"{output}: cannot tell what to write; name it .png, .svg, .npz or .json"
+                f"{output}: cannot tell what to write; name it .png, .svg, .pdf, .npz or .json"
             )
     if tell and STANDARD_OUTPUT in outputs:
         raise click.UsageError("standard output takes one of both: the SVG, or --json")
@@ -105,7 +105,7 @@ def write_view(view: View, output: str, title: str) -> None:
 
         write_bytes(output, png_from_svg(view_svg(view, title, PAPER)))
     else:
-        write_svg_text(output, view_svg(view, title))
+        write_drawing([output], view_svg(view, title))
 
 
 def view_svg(view: View, title: str, background: str | None = None) -> str:

@@ -379,6 +379,34 @@ one_json_option = click.option(
     help="Print what became of it on standard output, as a line of JSON.",
 )
 
+DPI = 96.0  # pixels an inch of an SVG
+
+# How PNGs of drawings are written.
+picture_options = OptionGroup(
+    click.option("--png", is_flag=True, help="Write a PNG beside each drawing."),
+    click.option(
+        "--png-scale",
+        type=Number(0.1, 16),
+        help="Pixels of PNGs and films per SVG pixel.  [default: 1]",
+    ),
+    click.option(
+        "--dpi",
+        type=Number(9.6, 2400),
+        help="Resolution of PNGs on the page, in place of --png-scale, which is in 96ths of it: "
+        "--page-size A3 --dpi 300 is 4961 x 3508 pixels.",
+    ),
+)
+
+
+def picture_scale(png_scale: float | None, dpi: float | None) -> float:
+    """Pixels of PNGs per pixel of the SVG; a usage error where both options tell."""
+    if png_scale is not None and dpi is not None:
+        raise click.UsageError("--dpi and --png-scale both say how fine PNGs are: give one")
+    if dpi is not None:
+        return dpi / DPI
+    return 1.0 if png_scale is None else png_scale
+
+
 # How many shapes are drawn: none of it changes a drawing.
 batch_options = OptionGroup(
     click.option(
@@ -479,8 +507,8 @@ file_options = OptionGroup(
     click.option(
         "--background",
         metavar="COLOR",
-        help="A paper rectangle under the strokes, as #rrggbb. Films are white without; none "
-        "leaves them transparent.",
+        help="A paper rectangle under the strokes, as #rrggbb. PNGs and films are white without; "
+        "none leaves them transparent.",
     ),
     click.option(
         "--plotter", is_flag=True, default=None, help="Centre lines only, in mm, for pen plotters."

@@ -20,6 +20,7 @@ from .animation import (
     draw_animation,
     frame_count,
     is_animation,
+    is_film,
     plan_animation,
     refuse_one_place,
     sorted_outputs,
@@ -32,7 +33,6 @@ from .model import read_style
 from .options import (
     CHOICES,
     TEXTURES,
-    Number,
     batch_options,
     check_look,
     common_options,
@@ -40,11 +40,13 @@ from .options import (
     device_option,
     file_options,
     line_options,
+    picture_options,
+    picture_scale,
     seed_option,
     shape_options,
     view_options,
 )
-from .outputs import STANDARD_OUTPUT, write_preview, write_svg_text
+from .outputs import STANDARD_OUTPUT, PngLook, check_drawings, check_outputs, write_drawing
 from .shape import Shape
 
 if TYPE_CHECKING:
@@ -55,6 +57,7 @@ if TYPE_CHECKING:
 
 # options of a shape that name files
 FILE_OPTIONS = ("camera", "cameras", "curves")
+FORMATS = ("svg", "svgz", "pdf", "png")
 ENCODINGS = {"vector": "grain as paths", "image": "texture as images", "none": "flat ink"}
 
 
@@ -67,10 +70,10 @@ class RenderSettings(NamedTuple):
     device, seed : as `load_style` and `Style.draw` take them
     shape : the options of `Shape`, turntable included
     look : fields of SvgOptions
-    write_svg : whether the drawing itself is written
-    preview : pixels of its PNG per pixel of the SVG, or None for no PNG
+    write_drawing : whether the drawing itself is written
+    also : files that it is written to besides, or suffixes of files beside it
+    png : how its PNGs are drawn, and those of the stages
     stages : folder for the steps of the drawing, or None
-    stages_scale : pixels of their PNGs per pixel of the drawing
     choice : "learned" or "all" lines
     animation : what moves, or None for drawings one by one
     """
@@ -80,18 +83,26 @@ class RenderSettings(NamedTuple):
     seed: int
     shape: dict[str, Any]
     look: dict[str, Any]
-    write_svg: bool
-    preview: float | None
+    write_drawing: bool
+    also: tuple[str, ...]
+    png: PngLook
     stages: str | None
-    stages_scale: float
     choice: str
     animation: Animation | None = None
+
+    @property
+    def also_files(self) -> list[str]:
+        """Those of `also` that are files of their own."""
+        from ..batch.plan import DRAWING_SUFFIXES
+
+        return [place for place in self.also if place not in DRAWING_SUFFIXES]
 
 
 @click.command(
     epilog="""\b
 Examples:
   strokestyle render model.pt mesh.obj -o out.svg --png
+  strokestyle render model.pt mesh.obj -o out.pdf -o out.png --page-size A3 --dpi 300
   strokestyle render model.pt *.ply -o drawings/
   strokestyle render model.pt meshes/ -o drawings/ --jobs 2 --timeout 60 --resume
   find meshes -name '*.stl' -print0 | strokestyle render model.pt - -o drawings/ --mirror
@@ -108,9 +119,16 @@ Examples:
     "outputs",
     type=click.Path(),
     multiple=True,
-    help="OUT.svg, OUT.svgz, a folder for several drawings, or - for standard output. An animation "
-    "also goes to OUT.html, .gif, .apng, .webp, .mp4 or .webm, and to several at once: -o may be "
-    "given several times.",
+    help="OUT.svg, .svgz, .pdf or .png, a folder for several drawings, or - for standard output. "
+    "An animation also goes to OUT.html, .gif, .apng, .webp, .mp4 or .webm. May be given several "
+    "times.",
+)
+@click.option(
+    "--format",
+    "formats",
+    type=click.Choice(FORMATS),
+    multiple=True,
+    help="What drawings in a folder are written as; may be given several times.  [default: svg]",
 )
 @click.option(
     "--texture",
@@ -128,14 +146,7 @@ Examples:
     help="learned: the lines that the artist would draw, going by those left out of the exemplar; "
     "all: all of them.",
 )
-@click.option("--png", is_flag=True, help="Write a PNG preview beside each SVG.")
-@click.option(
-    "--png-scale",
-    type=Number(0.1, 16),
-    default=1.0,
-    show_default=True,
-    help="Pixels of previews and films per SVG pixel.",
-)
+@picture_options
 @file_options
 @click.option(
     "--stages",
@@ -158,17 +169,19 @@ def render(
     model: str,
     shapes: tuple[str, ...],
     outputs: tuple[str, ...],
+    formats: tuple[str, ...],
     texture: str,
     choice: str,
     png: bool,
-    png_scale: float,
+    png_scale: float | None,
+    dpi: float | None,
     stages: str | None,
     mirror: bool,
     seed: int,
     device: str,
     **options: Any,
 ) -> None:
-    """Draw SHAPES in the hand of MODEL, one SVG each.
+    """Draw SHAPES in the hand of MODEL, one SVG each; or PDF, or PNG.
 
     A folder stands for all the meshes and views in it, and - for a list on standard input, one file
     a line or with NULs in between. Where one of several shapes cannot be drawn, the others are, and
@@ -179,38 +192,48 @@ def render(
     running = {name: options.pop(name) for name in batch_options.flags if name in options}
     look = {"texture": texture, **file_options.given(options)}
     animated = is_animation(options, stages)
-    output, films = sorted_outputs(outputs, animated)
+    scale, films = picture_scale(png_scale, dpi), tuple[Path, ...]()
+    output, also = (outputs[0] if outputs else None), outputs[1:]
+    if animated and not stages:
+        (output, films), also = sorted_outputs(outputs), ()
+    else:
+        refuse_films(outputs)
+    suffix, *others = suffixes_of(formats, output, bool(films or also), animated and not stages)
+    also += tuple(others)
     if output == STANDARD_OUTPUT:
         refuse_beside_standard_output(png, running)
     if stages:
         Path(stages).mkdir(parents=True, exist_ok=True)
         if animated and not options["still"]:
             say("--stages: each frame is drawn on its own, as with --still")
-    if look.get("background") == NOTHING and not (animated and not stages):
+    clear = look.get("background") == NOTHING
+    if clear and not (animated and not stages):
         del look["background"]
     check_look({k: v for k, v in look.items() if (k, v) != ("background", NOTHING)})
     listed, animation = read_list(shapes), None
     target = output or (str(films[0]) if films else os.path.join(str(stages), ""))
     if animated and not stages:
-        batch, sequence = plan_animation(listed, output, films, mirror, options)
+        batch, sequence = plan_animation(listed, output, films, mirror, options, suffix)
         refuse_one_place(batch, films, png, frame_count(options, sequence))
         written = output is not None, films
-        animation = Animation(model, options, *written, look, seed, png, png_scale, sequence)
+        animation = Animation(model, options, *written, look, seed, png, scale, sequence)
     else:
-        batch = plan(listed, target, mirror)
+        batch = plan(listed, target, mirror, suffix)
+        also += (".png",) if png else ()
     settings = RenderSettings(
         model,
         device,
         seed,
         shape=options,
         look=look,
-        write_svg=output is not None,
-        preview=png_scale if png else None,
+        write_drawing=output is not None,
+        also=also,
+        png=PngLook(scale, None if clear else "#ffffff"),
         stages=stages,
-        stages_scale=png_scale,
         choice=choice,
         animation=animation,
     )
+    check_outputs(settings.also_files, listed)
     check_options(batch, options)
     alone = shapes == (batch[0].shape,) or (animation is not None and animation.sequence)
     several = len(batch) > 1 or running["resume"] or not alone
@@ -228,12 +251,51 @@ def refuse_beside_standard_output(png: bool, running: Mapping[str, Any]) -> None
         raise click.UsageError(f"-o - takes one SVG by itself: leave out {', '.join(flags)}")
 
 
-def plan(shapes: Sequence[str], output: str, mirror: bool) -> list[Job]:
+def refuse_films(outputs: Sequence[str]) -> None:
+    """Raise a usage error where drawings would go to films, or to several places."""
+    from ..batch.plan import is_folder
+
+    films = [o for o in outputs if is_film(o) and Path(o).suffix.lower() != ".png"]
+    if films:
+        raise click.UsageError(
+            f"{films[0]}: a film has several frames: give --turntable N, --path CAMERAS.json or "
+            "--sequence; a drawing is .svg, .svgz, .pdf or .png"
+        )
+    folders = [o for o in outputs if is_folder(o)]
+    if folders and len(outputs) > 1:
+        raise click.UsageError(
+            f"{folders[0]}: several -o are files of one drawing; what is written in a folder, "
+            f"--format tells ({', '.join(FORMATS)})"
+        )
+    if len(outputs) > 1:
+        check_drawings(outputs)
+
+
+def suffixes_of(
+    formats: Sequence[str], output: str | None, several: bool, animated: bool
+) -> list[str]:
+    """Suffixes of the files that a folder is filled with; a usage error where it is no folder."""
+    from ..batch.plan import is_folder
+
+    if not formats:
+        return [".svg"]
+    if output is None or several or not is_folder(output):
+        raise click.UsageError(
+            "--format tells what is written in a folder, -o FOLDER/; a file's name tells by itself"
+        )
+    if animated and (len(formats) > 1 or formats[0] == "png"):
+        raise click.UsageError(
+            "frames are written as one of svg, svgz and pdf; --png writes PNGs beside them"
+        )
+    return [f".{form}" for form in dict.fromkeys(formats)]
+
+
+def plan(shapes: Sequence[str], output: str, mirror: bool, suffix: str) -> list[Job]:
     """Which file each shape goes to; where that is not clear, the command line is wrong."""
     from ..batch.plan import UnclearOutput, plan_outputs
 
     try:
-        return plan_outputs(shapes, output, mirror)
+        return plan_outputs(shapes, output, mirror, suffix)
     except UnclearOutput as error:
         raise click.UsageError(str(error)) from None
 
@@ -267,7 +329,7 @@ def recipe_with(settings: RenderSettings, key: str) -> Recipe:
     """How all shapes are drawn, where their key is known."""
     animation = settings.animation
     inputs = [settings.model, *(settings.shape.get(name) for name in FILE_OPTIONS)]
-    folders = [settings.stages]
+    folders = [settings.stages, *(str(Path(file).parent) for file in settings.also_files)]
     if animation:
         inputs += animation.sequence
         folders += [str(film.parent) for film in animation.films]
@@ -296,6 +358,12 @@ def moved_recipe(settings: RenderSettings, key: str, places: Mapping[str, str]) 
     moved = settings._replace(
         model=places[settings.model],
         shape=shape,
+        also=tuple(
+            str(Path(places[str(Path(place).parent)], Path(place).name))
+            if place in settings.also_files
+            else place
+            for place in settings.also
+        ),
         stages=settings.stages and places[settings.stages],
         animation=animation,
     )
@@ -353,9 +421,14 @@ def write_side(
 
     title, count = Path(job.shape).stem, settings.shape["turntable"]
     written = []
-    if settings.write_svg:
-        output = numbered_output(job.output, side, count) if count else job.output
-        written.append(write_drawing(settings, drawing, output, title))
+    if settings.write_drawing:
+        places = [
+            numbered_output(place, side, count) if count else place
+            for place in (job.output, *settings.also_files)
+        ]
+        beside = [place for place in settings.also if place not in settings.also_files]
+        places += [str(Path(places[0]).with_suffix(suffix)) for suffix in beside]
+        written.append(write_files(settings, drawing, list(dict.fromkeys(places)), title))
     if settings.stages:
         suffix = picture_suffix(side, count) if count else ""
         name = os.path.join(settings.stages, title + suffix)
@@ -363,8 +436,10 @@ def write_side(
     return written
 
 
-def write_drawing(settings: RenderSettings, drawing: Drawing, output: str, title: str) -> Written:
-    """Write one drawing, and its preview."""
+def write_files(
+    settings: RenderSettings, drawing: Drawing, places: list[str], title: str
+) -> Written:
+    """Write one drawing to files, as what each is by its name."""
     from ..svg.format import SvgOptions
     from ..svg.write import resolve_texture, write_svg
 
@@ -372,13 +447,10 @@ def write_drawing(settings: RenderSettings, drawing: Drawing, output: str, title
     with timed("write the SVG"):
         look = resolve_texture(drawing, SvgOptions(**{**made_by, **settings.look}))
         text = write_svg(drawing, look)
-        write_svg_text(output, text)
-    files = [output]
-    if settings.preview:
-        with timed("preview"):
-            files.append(write_preview(output, text, settings.preview))
-    told = ", ".join(files)
-    return Written(told if look.plotter else f"{told} ({ENCODINGS[look.texture]})", files)
+    with timed("write the files"):
+        write_drawing(places, text, settings.png)
+    told = ", ".join(places)
+    return Written(told if look.plotter else f"{told} ({ENCODINGS[look.texture]})", places)
 
 
 def write_stages(
@@ -392,7 +464,7 @@ def write_stages(
     texture = settings.look["texture"]
     with timed("stages"):
         steps = figure_steps(view, drawing, title=title, background=background, texture=texture)
-        files = figure_files(steps, settings.stages_scale)
+        files = figure_files(steps, settings.png.scale)
         for part, data in files.items():
             write_bytes(f"{name}-{part}", data)
     return Written(f"{name}-sheet.png and its parts", [f"{name}-{part}" for part in files])

@@ -38,10 +38,18 @@ def encode_png(index: np.ndarray, palette: np.ndarray | None, bits: int | None =
     if palette is not None:
         chunks += [(b"PLTE", palette[:, :3].tobytes()), (b"tRNS", palette[:, 3].tobytes())]
     chunks += [(b"IDAT", _deflated(lines)), (b"IEND", b"")]
-    return SIGNATURE + b"".join(
-        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-        for name, body in chunks
-    )
+    return SIGNATURE + b"".join(_chunk(name, body) for name, body in chunks)
+
+
+def with_resolution(png: bytes, dpi: float) -> bytes:
+    """Tell how many pixels of a PNG go into an inch, where it does not say so."""
+    body = struct.pack(">IIB", *[round(dpi / 0.0254)] * 2, 1)
+    header = len(SIGNATURE) + 25  # the IHDR chunk, which comes first
+    return png[:header] + _chunk(b"pHYs", body) + png[header:]
+
+
+def _chunk(name: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
 
 
 def _deflated(lines: np.ndarray) -> bytes:

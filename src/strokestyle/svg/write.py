@@ -49,10 +49,15 @@ from .ink import Inks, inks
 from .kept import DrawnStroke, Kept, kept_strokes
 from .landmarks import enclosed, fine_line, landmarks
 from .markup import Element, hex_color, number, numbers, polyline_path, printable, rings_path, units
+from .path_data import page_length
+from .png import with_resolution
 from .power_stroke import EFFECT, effect, power_strokes, swell
 from .strip_image import strips_png
 from .tones import ToneShape, tone_shapes, tones
 
+CSS_DPI = 96.0  # pixels an inch
+MAX_PIXELS = 200_000_000  # of a PNG; A0 at 300 an inch has 139 million, and takes 1.2 GB
+PAGE_SIDES = re.compile(r'\s(?:width|height|preserveAspectRatio)="[^"]*"')
 SAME_INK = 2.5 / 255  # colours nearer than this are one
 NEAR_INK = 24 / 255  # and nearer than this not far off
 ID = re.compile(r"[A-Za-z_][\w.-]{0,99}", re.ASCII)
@@ -290,10 +295,13 @@ def save_svg(
 
 def write_text(path: str | Path, text: str) -> None:
     """Write SVG text to an .svg or .svgz file, whole or not at all. Raises OSError."""
+    write_bytes(path, svg_bytes(text, str(path).lower().endswith(".svgz")))
+
+
+def svg_bytes(text: str, compressed: bool = False) -> bytes:
+    """SVG text as a file holds it, gzipped in an .svgz."""
     data = text.encode("utf-8")
-    if str(path).lower().endswith(".svgz"):
-        data = gzip.compress(data, 9, mtime=0)
-    write_bytes(path, data)
+    return gzip.compress(data, 9, mtime=0) if compressed else data
 
 
 def plain_svg(
@@ -353,19 +361,45 @@ def png_from_svg(
 ) -> bytes:
     """Draw SVG text as PNG bytes at `scale` px a px, by resvg; or as large as fits `within` px.
 
-    Raises ValueError where resvg cannot read the text.
+    At a scale it has as many pixels as the page has, rounded, and tells its resolution: 96 times
+    `scale` pixels an inch. A `background` of None leaves it clear.
+
+    Raises ValueError where resvg cannot read the text, and on more than MAX_PIXELS pixels.
     """
-    zoom = scale if within is None else None
-    return bytes(
+    size = None
+    if within is None and (size := _page_pixels(text, scale)):
+        # resvg takes whole pixels of the page at its own size, and enlarges those
+        start = text.index("<svg") + len("<svg")
+        end = text.index(">", start)
+        sides = f' width="{size[0]}" height="{size[1]}" preserveAspectRatio="none"'
+        text = f"{text[:start]}{sides}{PAGE_SIDES.sub('', text[start:end])}{text[end:]}"
+    png = bytes(
         resvg_py.svg_to_bytes(
             svg_string=text,
             background=background,
-            zoom=zoom,
+            zoom=scale if within is None and size is None else None,
             width=within,
             height=within,
             dpi=96.0,
         )
     )
+    return png if within is not None else with_resolution(png, CSS_DPI * scale)
+
+
+def _page_pixels(text: str, scale: float) -> tuple[int, int] | None:
+    """The page (width, height) of SVG text in pixels; None where it has no size of its own."""
+    root = re.search(r"<svg\b[^>]*>", text)
+    given = dict(re.findall(r'\s(width|height|viewBox)="([^"]*)"', root[0] if root else ""))
+    sides = [page_length(given, name) for name in ("width", "height")]
+    if None in sides or "viewBox" not in given:
+        return None
+    width, height = (max(1, round(scale * side)) for side in sides if side is not None)
+    if width * height > MAX_PIXELS:
+        raise ValueError(
+            f"a PNG of {width} x {height} pixels is too large: draw it at a smaller scale, or as "
+            f"PDF; {MAX_PIXELS // 1_000_000} million pixels are the most"
+        )
+    return width, height
 
 
 # ----------------------------------------------------------------- what fills a stroke, by encoding
