@@ -193,8 +193,7 @@ def edit(
     check_outputs(outputs, [drawing] if drawing != "-" else [])
     quickly = None if look else thickened(drawing, edits)
     text, count, lost = quickly or edited_text(drawing, edits, look, seed)
-    with timed("write the files"):
-        write_drawing(outputs, text, PngLook(scale, None if clear else "#ffffff"))
+    write_drawing(outputs, text, PngLook(scale, None if clear else "#ffffff"))
     say(f"{drawing}: {count} strokes -> {', '.join(outputs)}{lost}")
 
 
