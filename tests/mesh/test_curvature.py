@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import shapes
 
 from strokestyle.mesh import curvature
+from strokestyle.mesh.surface import make_surface
 from strokestyle.mesh.triangles import Edges
 
 
@@ -56,8 +58,33 @@ def test_two_rings_are_those_of_a_search(monkeypatch):
 def test_normals_are_the_same_in_many_goes(monkeypatch):
     points, faces = _fan(20, True)
     edges, normals = Edges.of(faces, len(points)), curvature.vertex_normals(points, faces)
-    whole = curvature._extrapolate_boundary_normals(points, faces, normals, edges)
+    whole = curvature._extrapolate_boundary_normals(points, faces, normals, edges.rim)
     monkeypatch.setattr(curvature, "RING_PAIRS", 7)
-    parts = curvature._extrapolate_boundary_normals(points, faces, normals, edges)
+    parts = curvature._extrapolate_boundary_normals(points, faces, normals, edges.rim)
     assert not np.allclose(whole, normals)
     np.testing.assert_allclose(parts, whole, atol=1e-12)
+
+
+def test_curvature_is_worked_out_when_it_is_asked_for(monkeypatch):
+    surface = make_surface(*shapes.sphere(2))
+    smooth = surface.smoothed(1.0)
+    assert not {"k1", "dcurv", "feature_size"} & set(vars(surface)) | set(vars(smooth)) & {"k1"}
+    whole = curvature.differential_geometry(surface.vertices, surface.faces)
+    for name, value in whole._asdict().items():
+        assert np.array_equal(getattr(surface, name), value), name
+    with pytest.raises(ValueError):
+        surface.k1[0] = 0.0  # read-only
+    with pytest.raises(AttributeError, match="no attribute 'k3'"):
+        surface.k3  # noqa: B018
+    assert np.array_equal(surface.with_faces(np.ones(len(surface.faces), bool)).k1, surface.k1)
+
+
+def test_curvature_of_many_faces_is_summed_chunk_by_chunk(monkeypatch):
+    """Nor does it matter whether the frames of faces are kept."""
+    shape = shapes.torus(1, 0.4, 40, 30)
+    whole = curvature.differential_geometry(shape.vertices, shape.faces, 1.0)
+    monkeypatch.setattr(curvature, "CHUNK", 700)
+    monkeypatch.setattr(curvature, "MAX_KEPT", 0)
+    parts = curvature.differential_geometry(shape.vertices, shape.faces, 1.0)
+    for one, two in zip(whole, parts, strict=True):
+        np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-9)

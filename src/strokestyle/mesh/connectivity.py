@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .creases import creases
+from .curvature import surface_normals
 from .triangles import Edges, FaceShapes, bends, clashes, face_normals, polygon_normals
 
 
@@ -65,6 +66,18 @@ class Connectivity:
         return np.array_equal(self.weld, np.arange(len(self.weld)))
 
     @cached_property
+    def own_ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """The edges of the mesh as it is cut open, vertices at one place being several: the ends
+        (E', 2) of all, sorted, and the vertices (R,) on boundaries."""
+        own = self.edges if self.is_uncut else Edges.of(self.faces, len(self.vertices))
+        return own.ends.astype(np.int32, order="F"), own.rim
+
+    @cached_property
+    def vertex_normals(self) -> np.ndarray:
+        """(V, 3), unit: see `surface_normals`."""
+        return surface_normals(self.vertices, self.faces, self.own_ends[1])
+
+    @cached_property
     def edge_faces(self) -> np.ndarray:
         return self.edges.faces
 
@@ -101,11 +114,17 @@ class Connectivity:
 
     @cached_property
     def face_normals(self) -> np.ndarray:
-        return np.ascontiguousarray(self.normals[0].T)
+        rows = np.ascontiguousarray(self.normals[0].T)
+        if "bends" in self.__dict__:
+            vars(self).pop("normals")  # large, and both that follow from it are known
+        return rows
 
     @cached_property
     def bends(self) -> np.ndarray:
-        return bends(self.normals[1], self.edges, self.clashing_edges, self.polygon)
+        found = bends(self.normals[1], self.edges, self.clashing_edges, self.polygon)
+        if "face_normals" in self.__dict__:
+            vars(self).pop("normals")  # large, and both that follow from it are known
+        return found
 
     def creases(self, angle: float) -> np.ndarray:
         """Find the creases of more than `angle` degrees, (E,) bool: see `creases.creases`."""

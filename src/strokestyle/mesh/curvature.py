@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, identity
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from .triangles import (
+    BLOCK,
     TINY,
     Edges,
     any_corner,
@@ -26,6 +28,8 @@ from .triangles import (
 
 Blur = Callable[[np.ndarray], np.ndarray]
 
+CHUNK = 32 * BLOCK  # faces whose corners are summed up in one go: bounds memory
+MAX_KEPT = 1 << 19  # faces, of more the frames are set up twice rather than kept: they are large
 MIN_SORTED = 8  # steps of smoothing, from which on it pays to put vertices in order
 HUB = 64  # faces round a vertex, more than which are a fan rather than a surface round a point
 RING_PAIRS = 1 << 20  # pairs of a vertex and a face near it that are looked at in one go
@@ -37,35 +41,55 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
     They are weighted as in Max 1999, which is exact for points on a sphere.
     """
-    points, parts = columns(vertices), np.empty((3, *faces.shape))
-    for block in blocks(len(faces)):
+    points = columns(vertices)
+
+    def weighted(block: slice) -> np.ndarray:
         side = side_vectors(points, faces[block])
         cross = column_cross(side[0], side[1])
         square = [np.maximum(column_dot(s, s), TINY) for s in side]
-        for i in range(3):
-            parts[:, block, i] = 1.0 / (square[i - 2] * square[i - 1]) * cross
-    index = faces.ravel()
-    normals = np.stack([scatter_sum(index, part.ravel(), len(vertices)) for part in parts], axis=1)
+        return np.stack([1.0 / (square[i - 2] * square[i - 1]) * cross for i in range(3)], axis=1)
+
+    normals = _sum_at_corners(faces, len(vertices), 3, weighted).T.copy()
     length = np.sqrt(row_dot(normals, normals))
     lost = np.flatnonzero(~(length > 1e-12))
     if len(lost):  # faces that cancel, folded onto each other: any one of their normals will do
         face = np.zeros(len(vertices), np.int64)
-        face[index] = np.repeat(np.arange(len(faces)), 3)
+        face[faces.ravel()] = np.repeat(np.arange(len(faces)), 3)
         side = side_vectors(points, faces[face[lost]])
         normals[lost] = column_cross(side[0], side[1]).T
     return unit_rows(normals)
 
 
+def _sum_at_corners(
+    faces: np.ndarray, vertices: int, width: int, measure: Callable[[slice], np.ndarray]
+) -> np.ndarray:
+    """Sum at the vertices what their faces say of their corners: (width, V).
+
+    `measure` says it of a block of faces: (width, 3, N), at the three corners of each.
+    """
+    total = np.zeros((width, vertices))
+    for start in range(0, len(faces), CHUNK):
+        some = faces[start : start + CHUNK]
+        parts = np.empty((width, *some.shape))
+        for block in blocks(len(some)):
+            found = measure(slice(start + block.start, start + block.stop))
+            parts[:, block] = found.swapaxes(1, 2)
+        for one, part in zip(total, parts, strict=True):
+            one += scatter_sum(some.ravel(), part.ravel(), vertices)
+    return total
+
+
 def _extrapolate_boundary_normals(
-    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, edges: Edges
+    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, rim: np.ndarray
 ) -> np.ndarray:
     """Extrapolate the normals on boundaries and creases instead of averaging: all of them (V, 3).
+
+    `rim` (R,) are the vertices on them.
 
     A vertex with faces on one side only has the normal of a place half an edge away, which spoils
     the curvature for two rings of vertices. There the face normals of two rings, each true at its
     centroid, are fitted by a linear field.
     """
-    rim = np.unique(edges.ends[edges.uses == 1])
     if not len(rim):
         return normals
     normals, near = normals.copy(), np.zeros(len(vertices), bool)
@@ -230,6 +254,82 @@ class Measures(NamedTuple):
     feature_size: float
 
 
+class Curvature:
+    """Curvatures at the vertices and their derivative, worked out when they are asked for.
+
+    They are as `differential_geometry` says.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+    faces : (F, 3) int
+    normals : (V, 3) float64, unit
+    blur : smooths the form
+    rtsc : as `differential_geometry` has it
+    """
+
+    def __init__(
+        self,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        normals: np.ndarray,
+        blur: Blur | None = None,
+        rtsc: bool = False,
+    ) -> None:
+        self.vertices, self.faces, self.normals = vertices, faces, normals
+        self.blur, self.rtsc = blur, rtsc
+        self.faces_in_place = _PlacedFaces(vertices, faces, normals)
+
+    @cached_property
+    def form(self) -> tuple[np.ndarray, np.ndarray]:
+        """The second fundamental form: its mean (V,) and deviator (V,) complex."""
+        form = _vertex_forms(self.faces_in_place, self.rtsc)
+        if self.blur is None:
+            return form
+        x, y = _tangent_frame(columns(self.normals))
+        blur, self.blur = self.blur, None
+        return _blur_tensor(blur, *form, x, y)
+
+    @cached_property
+    def principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The principal curvatures (V,), and the first's direction (V,) complex."""
+        return _principal_curvatures(*self.form)
+
+    @cached_property
+    def directions(self) -> tuple[np.ndarray, np.ndarray]:
+        """The principal directions, (V, 3) each."""
+        (x, y), axis = _tangent_frame(columns(self.normals)), self.principal[2]
+        one = axis.real * x + axis.imag * y
+        two = axis.real * y - axis.imag * x
+        return np.ascontiguousarray(one.T), np.ascontiguousarray(two.T)
+
+    @property
+    def k1(self) -> np.ndarray:
+        return self.principal[0]
+
+    @property
+    def k2(self) -> np.ndarray:
+        return self.principal[1]
+
+    @property
+    def pdir1(self) -> np.ndarray:
+        return self.directions[0]
+
+    @property
+    def pdir2(self) -> np.ndarray:
+        return self.directions[1]
+
+    @cached_property
+    def dcurv(self) -> np.ndarray:
+        found = _vertex_derivatives(self.faces_in_place, *self.form, self.principal[2])
+        self.faces_in_place.frames.clear()
+        return found
+
+    @cached_property
+    def feature_size(self) -> float:
+        return feature_size(self.vertices, self.k1, self.k2, self.rtsc)
+
+
 def differential_geometry(
     vertices: np.ndarray,
     faces: np.ndarray,
@@ -260,46 +360,98 @@ def differential_geometry(
     edges : those of the faces, where they are known
     """
     edges = Edges.of(faces, len(vertices)) if edges is None else edges
+    normals = surface_normals(vertices, faces, edges.rim, rtsc)
+    found = curvature_of(vertices, faces, normals, edges.ends, smooth, rtsc)
+    return Measures(found.normals, *(getattr(found, name) for name in Measures._fields[1:]))
+
+
+def surface_normals(
+    vertices: np.ndarray, faces: np.ndarray, rim: np.ndarray, rtsc: bool = False
+) -> np.ndarray:
+    """Measure the normals at the vertices, unit (V, 3), as `differential_geometry` has them.
+
+    `rim` (R,) are the vertices on boundaries and creases.
+    """
     normals = vertex_normals(vertices, faces)
-    if not rtsc:
-        normals = _extrapolate_boundary_normals(vertices, faces, normals, edges)
-    blur = _blur(edges, len(vertices), smooth)
+    return normals if rtsc else _extrapolate_boundary_normals(vertices, faces, normals, rim)
+
+
+def curvature_of(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    normals: np.ndarray,
+    ends: np.ndarray,
+    smooth: float = 0.0,
+    rtsc: bool = False,
+) -> Curvature:
+    """Smooth normals (V, 3), and prepare to measure curvatures: see `differential_geometry`.
+
+    `ends` : (E, 2) int, of the edges, sorted
+    """
+    blur = _blur(ends, len(vertices), smooth)
     if blur is not None:
         normals = unit_rows(blur(normals))
-    x, y = _tangent_frame(columns(normals))
-    mean, deviator, frames = _vertex_forms(vertices, faces, normals, rtsc)
-    if blur is not None:
-        mean, deviator = _blur_tensor(blur, mean, deviator, x.T, y.T)
-    k1, k2, axis = _principal_curvatures(mean, deviator)
-    pdir1 = np.ascontiguousarray((axis.real * x + axis.imag * y).T)
-    pdir2 = np.ascontiguousarray((axis.real * y - axis.imag * x).T)
-    del x, y
-    dcurv = _vertex_derivatives(faces, frames, mean, deviator, axis)
-    size = feature_size(vertices, k1, k2, rtsc)
-    return Measures(normals, k1, k2, pdir1, pdir2, dcurv, size)
+    return Curvature(vertices, faces, normals, blur, rtsc)
 
 
-def _vertex_forms(
-    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, rtsc: bool
-) -> tuple[np.ndarray, np.ndarray, list[_FaceFrames]]:
-    """Average the second fundamental forms of the faces: mean (V,) and deviator (V,) complex.
+class _PlacedFaces:
+    """The faces of a mesh, from which forms and their derivatives are read block by block.
 
-    Returns the frames of the faces, too, BLOCK by BLOCK.
+    Parameters
+    ----------
+    vertices, normals : (V, 3)
+    faces : (F, 3) int
     """
-    index, share = faces.ravel(), corner_areas(vertices, faces)
-    total = np.maximum(scatter_sum(index, share.ravel(), len(vertices)), TINY)
-    share /= total[faces]
-    points, frames, axes = columns(vertices), [], columns(normals)
-    mean, deviator = np.empty(faces.shape), np.empty(faces.shape, complex)
-    for block in blocks(len(faces)):
-        corner = [axes.take(faces[block, i], axis=1) for i in range(3)]
-        basis = _FaceBasis.of(side_vectors(points, faces[block]))
-        frame = _face_frames(basis, corner, columns(share[block]))
-        mean[block], deviator[block] = _forms(basis, frame, corner, rtsc)
-        frames.append(frame)
-    count = len(normals)
-    mean = scatter_sum(index, mean.ravel(), count)
-    return mean, scatter_sum(index, deviator.ravel(), count), frames
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> None:
+        self.vertices, self.faces, self.normals = vertices, faces, normals
+        self.frames: dict[int, _FaceFrames] = {}  # by the first face, where there is room for all
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """(3, V), the vertices by columns."""
+        return columns(self.vertices)
+
+    @cached_property
+    def axes(self) -> np.ndarray:
+        """(3, V), the normals by columns."""
+        return columns(self.normals)
+
+    @cached_property
+    def areas(self) -> np.ndarray:
+        """(V,), the area nearest to each vertex."""
+
+        def measure(block: slice) -> np.ndarray:
+            return np.stack(_block_areas(side_vectors(self.points, self.faces[block])))[None]
+
+        return np.maximum(_sum_at_corners(self.faces, len(self.vertices), 1, measure)[0], TINY)
+
+    def basis(self, block: slice) -> tuple[_FaceBasis, list[np.ndarray], _FaceFrames]:
+        """Set up bases of faces, the normals (3, N) at their three corners, and their frames."""
+        faces = columns(self.faces[block])
+        side = side_vectors(self.points, faces.T)
+        corner = [self.axes.take(one, axis=1) for one in faces]
+        basis = _FaceBasis.of(side)
+        share = np.stack(_block_areas(side)) / self.areas.take(faces)
+        return basis, corner, _face_frames(basis, corner, share)
+
+    def frame(self, block: slice) -> _FaceFrames:
+        """Set up the frames of faces, or find those that were kept."""
+        return self.frames.pop(block.start, None) or self.basis(block)[2]
+
+
+def _vertex_forms(mesh: _PlacedFaces, rtsc: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Average the second fundamental forms of the faces: mean (V,) and deviator (V,) complex."""
+
+    def measure(block: slice) -> np.ndarray:
+        basis, corner, frame = mesh.basis(block)
+        if len(mesh.faces) <= MAX_KEPT:
+            mesh.frames[block.start] = frame
+        mean, deviator = _forms(basis, frame, corner, rtsc)
+        return np.stack([mean, deviator.real, deviator.imag])
+
+    found = _sum_at_corners(mesh.faces, len(mesh.vertices), 3, measure)
+    return found[0], found[1] + 1j * found[2]
 
 
 def _principal_curvatures(
@@ -319,20 +471,18 @@ def _principal_curvatures(
 
 
 def _vertex_derivatives(
-    faces: np.ndarray,
-    frames: list[_FaceFrames],
-    mean: np.ndarray,
-    deviator: np.ndarray,
-    axis: np.ndarray,
+    mesh: _PlacedFaces, mean: np.ndarray, deviator: np.ndarray, axis: np.ndarray
 ) -> np.ndarray:
     """Average the derivatives of the form, seen along the principal directions: (V, 4)."""
-    one, three = np.empty(faces.shape, complex), np.empty(faces.shape, complex)
-    for block, frame in zip(blocks(len(faces)), frames, strict=True):
-        corner = columns(faces[block])
-        one[block], three[block] = _derivatives(frame, mean[corner], deviator[corner])
-    index, count = faces.ravel(), len(mean)
-    one = scatter_sum(index, one.ravel(), count) / axis
-    three = scatter_sum(index, three.ravel(), count) / (axis * axis * axis)
+
+    def measure(block: slice) -> np.ndarray:
+        corner = columns(mesh.faces[block])
+        one, three = _derivatives(mesh.frame(block), mean.take(corner), deviator.take(corner))
+        return np.stack([one.real, one.imag, three.real, three.imag])
+
+    found = _sum_at_corners(mesh.faces, len(mean), 4, measure)
+    one = (found[0] + 1j * found[1]) / axis
+    three = (found[2] + 1j * found[3]) / (axis * axis * axis)
     return np.stack(
         [
             one.real + three.real,
@@ -414,7 +564,7 @@ def _forms(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fit the second fundamental form of each face: II . side = dn.
 
-    Returns what each corner (N, 3) adds to its vertex's form: mean and deviator. `corner` are the
+    Returns what each corner (3, N) adds to its vertex's form: mean and deviator. `corner` are the
     normals (3, N) there.
     """
     u, v = basis.u, basis.v
@@ -426,7 +576,7 @@ def _forms(
     e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right, rtsc)
     mean = 0.5 * (e + g) * frame.share
     deviator = (0.5 * (e - g) + 1j * f) * (frame.turn * frame.turn) * frame.share
-    return mean.T, deviator.T
+    return mean, deviator
 
 
 def _derivatives(
@@ -434,7 +584,7 @@ def _derivatives(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fit the derivative of the form on each face, given the form at the corners (3, N).
 
-    Returns what each corner (N, 3) adds to its vertex's tensor: its two parts.
+    Returns what each corner (3, N) adds to its vertex's tensor: its two parts.
     """
     u, v = frame.u, frame.v
     uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
@@ -455,7 +605,7 @@ def _derivatives(
     )
     one = (0.75 * ((p + r) + 1j * (q + s))) * frame.turn * frame.share
     three = (0.25 * ((p - 3.0 * r) + 1j * (3.0 * q - s))) * (turn_twice * frame.turn) * frame.share
-    return one.T, three.T
+    return one, three
 
 
 def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray, rtsc: bool = False) -> float:
@@ -515,7 +665,7 @@ def _smallest_sphere(points: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]
     return best
 
 
-def _blur(edges: Edges, count: int, smooth: float) -> Blur | None:
+def _blur(ends: np.ndarray, count: int, smooth: float) -> Blur | None:
     """Make the function that smooths values (V, k) by `smooth` mean edges; None for nothing to do.
 
     Repeated half-way averaging with the edge neighbours: each step adds a quarter of a squared edge
@@ -523,22 +673,19 @@ def _blur(edges: Edges, count: int, smooth: float) -> Blur | None:
     """
     if smooth <= 0.0:
         return None
-    low, high = edges.ends.T
-    rows, columns = np.r_[low, high], np.r_[high, low]
     steps = int(np.ceil(4.0 * smooth**2))
     part = 0.5 * (
         4.0 * smooth**2 / steps
     )  # a little less than half, so that whole steps end where they should
-    weight = part / np.bincount(rows, minlength=count)[rows]
-    everyone = np.arange(count)
-    step = csr_matrix(
-        (
-            np.r_[weight, np.full(count, 1.0 - part)],
-            (np.r_[rows, everyone], np.r_[columns, everyone]),
-        ),
+    one = csr_matrix(
+        (np.ones(len(ends)), ends[:, 1], np.searchsorted(ends[:, 0], np.arange(count + 1))),
         shape=(count, count),
     )
-
+    step = one + one.T.tocsr()
+    degree = np.diff(step.indptr)
+    step.data = np.repeat(part / np.maximum(degree, 1), degree)
+    step = step + identity(count, format="csr") * (1.0 - part)
+    everyone = np.arange(count)
     if steps < MIN_SORTED:
         order = everyone
     else:  # neighbours near each other in memory: twice as fast where the file strews them
@@ -559,16 +706,16 @@ def _blur(edges: Edges, count: int, smooth: float) -> Blur | None:
 def _blur_tensor(
     blur: Blur, mean: np.ndarray, deviator: np.ndarray, x: np.ndarray, y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Smooth the curvature tensor in world coordinates, and read it back in (x, y).
+    """Smooth the curvature tensor in world coordinates, and read it back in (x, y), (3, V) each.
 
     There neighbours' frames agree.
     """
-    row, column = np.triu_indices(3)  # of the six entries of a symmetric tensor
-    entry = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
     a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real
-    tensor = a[:, None] * x[:, row] * x[:, column] + c[:, None] * y[:, row] * y[:, column]
-    tensor = blur(tensor + b[:, None] * (x[:, row] * y[:, column] + y[:, row] * x[:, column]))[
-        :, entry
-    ]
-    a, b, c = (np.einsum("vi,vij,vj->v", p, tensor, q) for p, q in ((x, x), (x, y), (y, y)))
+    tensor = np.empty((len(mean), 6))
+    for entry, (i, j) in enumerate(zip(*np.triu_indices(3), strict=True)):
+        tensor[:, entry] = a * x[i] * x[j] + b * (x[i] * y[j] + y[i] * x[j]) + c * y[i] * y[j]
+    xx, xy, xz, yy, yz, zz = blur(tensor).T
+    rows = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+    of_x, of_y = (np.stack([column_dot(row, axis) for row in rows]) for axis in (x, y))
+    a, b, c = column_dot(x, of_x), column_dot(x, of_y), column_dot(y, of_y)
     return 0.5 * (a + c), 0.5 * (a - c) + 1j * b

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .connectivity import Connectivity
-from .curvature import differential_geometry
+from .curvature import Curvature, curvature_of, vertex_normals
 from .messages import naming
 from .planes import Plane
 from .read import read_mesh
@@ -25,6 +25,10 @@ from .weld import drop_unused_vertices
 
 DEFAULT_CREASE = 40.0  # degrees between two faces
 MAX_SMOOTH = 100.0  # mean edges
+
+
+_WIDTHS = {"vertices": 3, "normals": 3, "k1": 0, "k2": 0, "pdir1": 3, "pdir2": 3, "dcurv": 4}
+_MEASURED = ("k1", "k2", "pdir1", "pdir2", "dcurv", "feature_size")  # from normals and faces
 
 
 def _nothing() -> np.ndarray:
@@ -57,6 +61,9 @@ class Surface:
     turned : (F,) bool, faces that the file winds the other way round; by default none
     section : where a surface comes from that was cut open, its box no longer the frame's
     connectivity : what follows from vertices, faces and weld, where it is known already
+
+    In place of each of k1, k2, pdir1, pdir2, dcurv and feature_size, a `Curvature` may be given,
+    the same for all: they are worked out when they are asked for.
 
     Raises
     ------
@@ -96,14 +103,18 @@ class Surface:
             "weld": _checked_weld(self.weld, count),
             "turned": _checked_turned(self.turned, len(faces)),
         }
-        for name, value in {**integers, **self._checked_fields(count)}.items():
+        centre = np.array(self.centre, np.float64)
+        for name, value in {**integers, "centre": _finite("centre", centre)}.items():
             value.setflags(write=False)
             object.__setattr__(self, name, value)
-        for name in ("feature_size", "scale"):
-            number = float(getattr(self, name))
-            if not (np.isfinite(number) and number > 0.0):
-                raise ValueError(f"Surface.{name} must be a positive number, got {number}")
-            object.__setattr__(self, name, number)
+        known = self.k1
+        if isinstance(known, Curvature):
+            object.__setattr__(self, "_curvature", known)
+            for name in _MEASURED:
+                object.__delattr__(self, name)
+        for name in ("vertices", "normals", "scale", *_MEASURED):
+            if name in self.__dict__:
+                self._keep(name, self.__dict__[name])
         object.__setattr__(self, "part_names", tuple(self.part_names))
         shape = self.vertices, self.faces, self.weld
         if self.connectivity is None or not self.connectivity.is_of(*shape):
@@ -111,21 +122,28 @@ class Surface:
                 self, "connectivity", Connectivity(*shape, polygon=integers["polygon"])
             )
 
-    def _checked_fields(self, count: int) -> dict[str, np.ndarray]:
-        """The fields at the vertices, and the centre, as arrays of float64."""
-        widths = {"vertices": 3, "normals": 3, "k1": 0, "k2": 0, "pdir1": 3, "pdir2": 3, "dcurv": 4}
-        values = {}
-        for name, width in widths.items():
-            value = np.asarray(getattr(self, name), np.float64)
-            expected = (count, width) if width else (count,)
+    def _keep(self, name: str, value: np.ndarray | float) -> None:
+        """Keep a field at the vertices, or a positive number, once it is checked."""
+        if name in ("feature_size", "scale"):
+            value = float(value)
+            if not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"Surface.{name} must be a positive number, got {value}")
+        else:
+            value, width = np.asarray(value, np.float64), _WIDTHS[name]
+            expected = (len(self.vertices), width) if width else (len(self.vertices),)
             if value.shape != expected:
                 raise ValueError(f"Surface.{name} must have shape {expected}, got {value.shape}")
-            values[name] = value
-        values["centre"] = np.array(self.centre, np.float64)
-        for name, value in values.items():
-            if not np.isfinite(value).all():
-                raise ValueError(f"Surface.{name} holds values that are not finite")
-        return values
+            _finite(name, value).setflags(write=False)
+        object.__setattr__(self, name, value)
+
+    def __getattr__(self, name: str) -> np.ndarray | float:
+        """Work out what is measured, where it is asked for the first time."""
+        if name not in _MEASURED or "_curvature" not in self.__dict__:
+            raise AttributeError(f"'Surface' object has no attribute {name!r}")
+        self._keep(name, getattr(self.__dict__["_curvature"], name))
+        if all(known in self.__dict__ for known in _MEASURED):
+            object.__delattr__(self, "_curvature")
+        return self.__dict__[name]
 
     @property
     def edges(self) -> np.ndarray:
@@ -196,9 +214,11 @@ class Surface:
 
     def smoothed(self, edges: float) -> Surface:
         """Smooth normals and curvatures over `edges` mean edge lengths; the vertices stay."""
-        known = self.connectivity.edges if self.connectivity.is_uncut else None
-        measured = differential_geometry(self.vertices, self.faces, edges, edges=known)
-        return replace(self, **measured._asdict())
+        mesh = self.connectivity
+        found = curvature_of(
+            self.vertices, self.faces, mesh.vertex_normals, mesh.own_ends[0], edges
+        )
+        return replace(self, normals=found.normals, **_later(found))
 
     def with_faces(self, keep: np.ndarray) -> Surface:
         """Take the faces of a mask (F,) alone, with all that was measured on them, in their place.
@@ -264,6 +284,17 @@ class Section:
     source: np.ndarray
     origin: np.ndarray
     rim: np.ndarray
+
+
+def _later(found: Curvature) -> dict[str, Any]:
+    """Give a surface's fields that are worked out when they are asked for."""
+    return dict.fromkeys(_MEASURED, found)
+
+
+def _finite(name: str, value: np.ndarray) -> np.ndarray:
+    if not np.isfinite(value).all():
+        raise ValueError(f"Surface.{name} holds values that are not finite")
+    return value
 
 
 def _checked_faces(faces: np.ndarray, vertices: int) -> np.ndarray:
@@ -432,6 +463,7 @@ def clean(
     del soup
     whole = Connectivity(points, faces, np.arange(len(points)), edges, polygon)
     mesh = split_at_creases(whole, crease)
+    vars(edges).pop("beyond", None)  # large, and of use for mending alone
     return Cleaned(
         mesh.vertices,
         mesh.faces,
@@ -460,11 +492,13 @@ def measured(
     faces, weld, mesh = cleaned.faces, cleaned.weld, cleaned.connectivity
     if vertices is not mesh.vertices:
         mesh = Connectivity(vertices, faces, weld, mesh.edges, cleaned.polygon)
-    whole = mesh.edges if mesh.is_uncut else None
+    normals = mesh.vertex_normals if not rtsc else vertex_normals(vertices, faces)
+    found = curvature_of(vertices, faces, normals, mesh.own_ends[0], smooth, rtsc)
     return Surface(
         vertices,
         faces,
-        **differential_geometry(vertices, faces, smooth, rtsc, whole)._asdict(),
+        found.normals,
+        **_later(found),
         centre=cleaned.centre,
         scale=cleaned.scale,
         part=cleaned.part,

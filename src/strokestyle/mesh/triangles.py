@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -132,6 +132,9 @@ def side_vectors(points: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
     return [p2 - p1, p0 - p2, p1 - p0]
 
 
+Columns = np.ndarray | Sequence[np.ndarray]  # vectors (3, N)
+
+
 def columns(rows: np.ndarray) -> np.ndarray:
     """Lay out the columns of rows (N, k) one after the other, (k, N).
 
@@ -141,7 +144,7 @@ def columns(rows: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(rows.T)
 
 
-def column_dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+def column_dot(u: Columns, v: Columns) -> np.ndarray:
     """Multiply vectors (3, N) column by column: dot products (N,), to the last digit as row_dot."""
     out = u[0] * v[0]
     out += u[2] * v[2]
@@ -253,6 +256,11 @@ class Edges:
     def faces(self) -> np.ndarray:
         """(E, 2), the first two faces at each edge; -1 where there is no second."""
         return (self.sides.T // 3).T
+
+    @property
+    def rim(self) -> np.ndarray:
+        """(R,), the vertices on boundaries, ascending."""
+        return np.unique(self.ends[self.uses == 1])
 
     @cached_property
     def beyond(self) -> np.ndarray:
