@@ -309,3 +309,20 @@ def test_the_nu_checker_finds_no_error(tmp_path):
         ["java", "-jar", jar, "--svg", "--errors-only", *files], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "attributes, drawn",
+    [
+        ('viewBox="0 0 20 10"', (0, 5, 20, 15)),  # amid its page, as SVG has it
+        ('viewBox="0 0 20 10" preserveAspectRatio="xMidYMin"', (0, 0, 20, 10)),
+        ('viewBox="0 0 20 10" preserveAspectRatio="none"', (0, 0, 20, 20)),
+        ('viewBox="0 0 20.004 20"', (0, 0, 20, 20)),  # sides that another program rounded
+    ],
+)
+def test_pngs_lay_the_view_box_on_the_page_as_it_says(attributes, drawn):
+    height = 10 if "20 10" in attributes else 20
+    svg = f'<svg xmlns="http://www.w3.org/2000/svg" width="20" height="20" {attributes}>'
+    svg += f'<path d="M0 0H20.004V{height}H0Z"/></svg>'
+    rows, columns = np.nonzero(rendered(svg) < 128)
+    assert (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1) == drawn

@@ -49,7 +49,7 @@ from .ink import Inks, inks
 from .kept import DrawnStroke, Kept, kept_strokes
 from .landmarks import enclosed, fine_line, landmarks
 from .markup import Element, hex_color, number, numbers, polyline_path, printable, rings_path, units
-from .path_data import page_length
+from .path_data import page_length, parse_numbers
 from .png import with_resolution
 from .power_stroke import EFFECT, effect, power_strokes, swell
 from .strip_image import strips_png
@@ -57,7 +57,7 @@ from .tones import ToneShape, tone_shapes, tones
 
 CSS_DPI = 96.0  # pixels an inch
 MAX_PIXELS = 200_000_000  # of a PNG; A0 at 300 an inch has 139 million, and takes 1.2 GB
-PAGE_SIDES = re.compile(r'\s(?:width|height|preserveAspectRatio)="[^"]*"')
+PAGE_SIDES = re.compile(r'\s(?:width|height)="[^"]*"')
 SAME_INK = 2.5 / 255  # colours nearer than this are one
 NEAR_INK = 24 / 255  # and nearer than this not far off
 ID = re.compile(r"[A-Za-z_][\w.-]{0,99}", re.ASCII)
@@ -371,8 +371,10 @@ def png_from_svg(
         # resvg takes whole pixels of the page at its own size, and enlarges those
         start = text.index("<svg") + len("<svg")
         end = text.index(">", start)
-        sides = f' width="{size[0]}" height="{size[1]}" preserveAspectRatio="none"'
-        text = f"{text[:start]}{sides}{PAGE_SIDES.sub('', text[start:end])}{text[end:]}"
+        root = PAGE_SIDES.sub("", text[start:end])
+        if _fills_page(text[start:end]):
+            root = f' preserveAspectRatio="none"{root}'  # or rounding would leave an edge clear
+        text = f'{text[:start]} width="{size[0]}" height="{size[1]}"{root}{text[end:]}'
     png = bytes(
         resvg_py.svg_to_bytes(
             svg_string=text,
@@ -386,10 +388,24 @@ def png_from_svg(
     return png if within is not None else with_resolution(png, CSS_DPI * scale)
 
 
+def _fills_page(root: str) -> bool:
+    """Whether the viewBox among a root's attributes is as wide for its height as the page is."""
+    given = _page_attributes(root)
+    sides = [page_length(given, name) or 0.0 for name in ("width", "height")]
+    box = parse_numbers(given["viewBox"], "viewBox")
+    if len(box) != 4 or "preserveAspectRatio" in root:
+        return False
+    return bool(np.isclose(sides[0] * box[3], sides[1] * box[2], rtol=1e-3))
+
+
+def _page_attributes(root: str) -> dict[str, str]:
+    return dict(re.findall(r'\s(width|height|viewBox)="([^"]*)"', root))
+
+
 def _page_pixels(text: str, scale: float) -> tuple[int, int] | None:
     """The page (width, height) of SVG text in pixels; None where it has no size of its own."""
     root = re.search(r"<svg\b[^>]*>", text)
-    given = dict(re.findall(r'\s(width|height|viewBox)="([^"]*)"', root[0] if root else ""))
+    given = _page_attributes(root[0] if root else "")
     sides = [page_length(given, name) for name in ("width", "height")]
     if None in sides or "viewBox" not in given:
         return None

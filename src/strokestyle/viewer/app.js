@@ -308,6 +308,9 @@ function partChanged() {
  */
 async function paintWell() {
   const mine = round;
+  // a coarse picture that is still being painted would take this one's place
+  while (frame) await new Promise(requestAnimationFrame);
+  if (mine !== round || !current) return;
   const next = pictureOn(canvasAt(Math.max(1, 2 / devicePixelRatio)));
   const { box } = next.canvas;
   if (!box) return;
