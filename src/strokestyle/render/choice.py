@@ -10,6 +10,7 @@ law that draws all lines explains that best.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
@@ -51,7 +52,7 @@ THRESHOLDS = 32  # of a column that are tried, at most
 DRAWN, LEFT_OUT = (12.0, 0.4), (0.4, 6.0)  # beta priors of a point's being drawn, by a law's side
 # Logarithms of how likely laws are beforehand, beside the one that all is drawn
 SOME_KINDS, ONE_THRESHOLD, SECOND = -2.5, -3.0, -1.5
-NEAR_BELOW = 0.25  # see _limits
+NEAR_BELOW = 0.25  # see _Ranked.limits
 SINGLES, KEPT = 48, 96  # the best laws that are paired, and that are kept
 LEAST_LEFT = 0.02  # of the length of a view: of less nobody makes a drawing
 EVEN = 0.5  # a point that is likelier drawn than this is drawn
@@ -138,6 +139,7 @@ class _Conditions(NamedTuple):
     kinds, column, sign, limit : as in `Laws`, of one condition
     prior : (L,) logarithm of how likely each is beforehand
     family : (L,) str, two of one family make no law
+    mass : (L, 2), `_Seen.mass` of the points where each holds
     """
 
     kinds: np.ndarray
@@ -146,6 +148,12 @@ class _Conditions(NamedTuple):
     limit: np.ndarray
     prior: np.ndarray
     family: np.ndarray
+    mass: np.ndarray
+
+    def of(self, rows: np.ndarray) -> Iterator[tuple[np.ndarray, int, float, float]]:
+        """Give kinds, column, sign and limit of some."""
+        fields = (self.kinds, self.column, self.sign, self.limit)
+        return zip(*(field[rows] for field in fields), strict=True)
 
 
 class _Seen(NamedTuple):
@@ -163,6 +171,11 @@ class _Seen(NamedTuple):
     columns: np.ndarray
     drawn: np.ndarray
     weight: np.ndarray
+
+    @property
+    def mass(self) -> np.ndarray:
+        """The weight of each point as one that was drawn, and as one that was not, (N, 2)."""
+        return self.weight[:, None] * np.stack([self.drawn, ~self.drawn], axis=1)
 
     def of(self, rows: np.ndarray) -> _Seen:
         return _Seen(self.kind[rows], self.columns[rows], self.drawn[rows], self.weight[rows])
@@ -280,28 +293,29 @@ def _learn_laws(seen: _Seen, draws_all: bool) -> Laws:
     Where nothing speaks for another, it is the law that `draws_all`, or else that draws none.
     """
     among = _conditions(seen, draws_all)
-    holds = np.stack(
-        [
-            _holds(*condition, seen.kind)
-            for condition in zip(
-                among.kinds, seen.columns.T[among.column], among.sign, among.limit, strict=True
-            )
-        ]
+    value = among.prior + _evidence(among.mass, seen)
+    best = _descending(value)[:SINGLES]
+    holds = np.stack([_holds_at(seen, *condition) for condition in among.of(best)])
+    one, two = np.triu_indices(len(best), 1)
+    unlike = among.family[best[one]] != among.family[best[two]]
+    one, two = one[unlike], two[unlike]
+    both = np.stack([((holds * mass) @ holds.T)[one, two] for mass in seen.mass.T], axis=1)
+    together = among.prior[best[one]] + among.prior[best[two]] + SECOND + _evidence(both, seen)
+    laws = np.concatenate(
+        [np.stack([best, np.zeros_like(best)], axis=1), np.stack([best[one], best[two]], axis=1)]
     )
-    value = among.prior + _evidence(holds, seen)
-    best = np.argsort(-value, kind="stable")[:SINGLES]
-    pairs = best[np.stack(np.triu_indices(len(best), 1), axis=1)]
-    pairs = pairs[among.family[pairs[:, 0]] != among.family[pairs[:, 1]]]
-    together = among.prior[pairs].sum(axis=1) + SECOND
-    together += _evidence(holds[pairs[:, 0]] & holds[pairs[:, 1]], seen)
-    laws = np.concatenate([np.stack([best, np.zeros_like(best)], axis=1), pairs])
     value = np.r_[value[best], together]
-    order = np.argsort(-value, kind="stable")[:KEPT]
+    order = _descending(value)[:KEPT]
     laws, belief = laws[order], np.exp(value[order] - value[order[0]])
     names = ("kinds", "column", "sign", "limit")
     conditions = {name: getattr(among, name)[laws] for name in names}
-    drawn = _share_drawn(holds[laws[:, 0]] & holds[laws[:, 1]], seen)
+    drawn = _share_drawn(np.concatenate([among.mass[best], both])[order], seen)
     return Laws(**conditions, weight=belief / belief.sum(), drawn=drawn)
+
+
+def _descending(value: np.ndarray) -> np.ndarray:
+    """Order (L,) from the largest on; what differs by how it was summed counts as equal."""
+    return np.argsort(-np.round(value, 9), kind="stable")
 
 
 def _unless_idle(laws: Laws, seen: _Seen, draws_all: bool) -> Laws | None:
@@ -310,22 +324,34 @@ def _unless_idle(laws: Laws, seen: _Seen, draws_all: bool) -> Laws | None:
     return None if ((likely > EVEN) == draws_all).all() else laws
 
 
-def _evidence(holds: np.ndarray, seen: _Seen) -> np.ndarray:
-    """Logarithm of the marginal likelihood of laws that hold at points (L, N), (L,)."""
-    total = np.zeros(len(holds))
-    for side, (a, b) in ((holds, DRAWN), (~holds, LEFT_OUT)):
-        yes, no = (side @ (seen.weight * was) for was in (seen.drawn, ~seen.drawn))
+def _evidence(mass: np.ndarray, seen: _Seen) -> np.ndarray:
+    """Logarithm of the marginal likelihood of laws, (L,), of the `_Seen.mass` where each holds."""
+    total = np.zeros(len(mass))
+    for side, (a, b) in ((mass, DRAWN), (_rest(mass, seen), LEFT_OUT)):
+        yes, no = side.T
         total += betaln(a + yes, b + no) - betaln(a, b)
     return total
 
 
-def _share_drawn(holds: np.ndarray, seen: _Seen) -> np.ndarray:
-    """Tell how likely a point is drawn where laws (L, N) do not hold, and where they do, (L, 2)."""
+def _share_drawn(mass: np.ndarray, seen: _Seen) -> np.ndarray:
+    """Tell how likely a point is drawn where laws do not hold, and where they do, (L, 2).
+
+    `mass` (L, 2) is the `_Seen.mass` where each holds.
+    """
     likely = []
-    for side, (a, b) in ((~holds, LEFT_OUT), (holds, DRAWN)):
-        yes, no = (side @ (seen.weight * was) for was in (seen.drawn, ~seen.drawn))
+    for side, (a, b) in ((_rest(mass, seen), LEFT_OUT), (mass, DRAWN)):
+        yes, no = side.T
         likely.append((yes + a) / (yes + no + a + b))
     return np.stack(likely, axis=1)
+
+
+def _rest(mass: np.ndarray, seen: _Seen) -> np.ndarray:
+    """The mass of the other points."""
+    return np.maximum(seen.mass.sum(axis=0) - mass, 0.0)
+
+
+def _holds_at(seen: _Seen, kinds: np.ndarray, column: int, sign: float, limit: float) -> np.ndarray:
+    return _holds(kinds, seen.columns[:, column], sign, limit, seen.kind)
 
 
 def _conditions(seen: _Seen, draws_all: bool) -> _Conditions:
@@ -336,35 +362,77 @@ def _conditions(seen: _Seen, draws_all: bool) -> _Conditions:
     kinds_seen = np.unique(seen.kind)
     for kinds, share in _kinds_left_out(kinds_seen, draws_all):
         rows.append((kinds, 0, 1.0, np.inf, SOME_KINDS + np.log(share), "kind"))
+    masses = [_holds_at(seen, *row[:4]) @ seen.mass for row in rows]
     chances = sum(sum(pair) for pair in FAMILIES.values())
     for kinds, share in [(everything, 0.5), *_groups(kinds_seen)]:
+        ranked = _Ranked.of(seen, kinds)
         for i, name in enumerate(COLUMNS):
             family = name.split("_")[0] if name.startswith("light") else name
             alike = AZIMUTHS * len(TILTS) if family == "light" else 1
             for sign, chance in zip((1.0, -1.0), FAMILIES[family], strict=True):
-                limits = _limits(sign * seen.columns[kinds[seen.kind], i])
+                limits = ranked.limits(i, sign)
                 if not chance or not len(limits):
                     continue
                 prior = ONE_THRESHOLD + np.log(chance / chances * share / alike)
-                if family == "light":  # what faces it is lit, and what faces away lies in shadow
-                    rows.append((kinds, i, sign, 0.0, prior, family))
-                prior -= np.log(len(limits))
-                rows += [(kinds, i, sign, t, prior, family) for t in limits]
-    return _Conditions(*(np.array(column) for column in zip(*rows, strict=True)))
+                each = [prior - np.log(len(limits))] * len(limits)
+                if family == "light":  # what faces it is lit, what faces away lies in shadow
+                    limits, each = np.r_[0.0, limits], [prior, *each]
+                rows += [(kinds, i, sign, t, p, family) for t, p in zip(limits, each, strict=True)]
+                masses.append(ranked.mass_from(i, sign, limits))
+    return _Conditions(*[*map(np.array, zip(*rows, strict=True)), np.vstack(masses)])
 
 
-def _limits(values: np.ndarray) -> np.ndarray:
-    """Choose THRESHOLDS numbers at most between those found, with as many points between each.
+class _Ranked(NamedTuple):
+    """Points (M,) of some kinds of line in the order of each column.
 
-    A law leaves out what is like that which it leaves out of the exemplar, and draws what lies
-    between: limits are NEAR_BELOW of the way to the next number.
+    Parameters
+    ----------
+    values : (P, M), of the columns, ascending
+    below : (P, M + 1, 2), `_Seen.mass` of the points before each
+    outside : (2,), that of the lines of other kinds
     """
-    found = np.unique(np.round(values, 6))
-    between = found[:-1] + NEAR_BELOW * np.diff(found)
-    if len(between) <= THRESHOLDS:
-        return between
-    place = np.quantile(values, (np.arange(THRESHOLDS) + 0.5) / THRESHOLDS)
-    return np.unique(place)
+
+    values: np.ndarray
+    below: np.ndarray
+    outside: np.ndarray
+
+    @classmethod
+    def of(cls, seen: _Seen, kinds: np.ndarray) -> _Ranked:
+        inside = kinds[seen.kind]
+        columns = np.ascontiguousarray(seen.columns[inside].T)
+        order = np.argsort(columns, axis=1)
+        mass = seen.mass[inside]
+        below = np.zeros((len(columns), len(mass) + 1, 2))
+        np.cumsum(mass[order], axis=1, out=below[:, 1:])
+        values = np.take_along_axis(columns, order, 1)
+        return cls(values, below, seen.mass[~inside].sum(axis=0))
+
+    def mass_from(self, column: int, sign: float, limits: np.ndarray) -> np.ndarray:
+        """The mass (L, 2) of the points where `sign` times a column is one of `limits` at least."""
+        values, below = self.values[column], self.below[column]
+        if sign > 0:
+            mass = below[-1] - below[np.searchsorted(values, limits, "left")]
+        else:
+            mass = below[np.searchsorted(values, -limits, "right")]
+        return self.outside + mass
+
+    def limits(self, column: int, sign: float) -> np.ndarray:
+        """Choose THRESHOLDS numbers at most between those found, with as many points between each.
+
+        A law leaves out what is like that which it leaves out of the exemplar, and draws what lies
+        between: limits are NEAR_BELOW of the way to the next number.
+        """
+        values = self.values[column]
+        values = values if sign > 0 else -values[::-1]
+        found = _distinct(np.round(values, 6))
+        if len(found) <= THRESHOLDS + 1:
+            return found[:-1] + NEAR_BELOW * np.diff(found)
+        place = (np.arange(THRESHOLDS) + 0.5) / THRESHOLDS * (len(values) - 1)
+        return _distinct(np.interp(place, np.arange(len(values)), values))
+
+
+def _distinct(ascending: np.ndarray) -> np.ndarray:
+    return ascending[np.r_[True, np.diff(ascending) > 0]] if len(ascending) else ascending
 
 
 def _named(*names: str) -> np.ndarray:
