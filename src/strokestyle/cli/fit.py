@@ -198,4 +198,4 @@ def write_picture(path: str, image: np.ndarray) -> None:
     from ..files import replace_file
 
     picture = Image.fromarray((image * 255.0 + 0.5).astype("uint8"))
-    replace_file(path, lambda name: picture.save(name, format="PNG", optimize=True))
+    replace_file(path, lambda name: picture.save(name, format="PNG"))

@@ -8,6 +8,7 @@ near and run as the stroke does; what two strokes choose goes to the one that wo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
@@ -208,38 +209,44 @@ def _chosen(
     cost: np.ndarray, offset: np.ndarray, offsets: np.ndarray, spacing: float
 ) -> np.ndarray:
     """The cheapest sequence of runs along every stroke: (N,) column of `cost` (N, K), -1 = none."""
-    # all strokes in step, so that a step is one operation: (longest, C, K + 1)
-    count = np.diff(offsets)
-    longest, strokes, k = int(count.max()), len(count), cost.shape[1]
-    unary = np.zeros((longest, strokes, k + 1))
-    place = np.zeros((longest, strokes, k + 1))
+    # all strokes in step, so that a step is one operation; the longest first, so that those that
+    # go on are the first rows of a step
     stroke = owner(offsets)
     step = np.arange(len(cost)) - offsets[stroke]
-    unary[step, stroke, :k], unary[step, stroke, k] = cost, NOTHING
-    place[step, stroke, :k] = offset
-    back = np.zeros((longest, strokes, k + 1), np.int64)
-    best = unary[0]
-    change = np.empty((strokes, k + 1, k + 1))  # from, to
-    sums = [best]
-    for i in range(1, longest):
-        slope = (place[i, :, None] - place[i - 1, :, :, None]) / (spacing * SLOPE)
-        change[:] = np.minimum(0.5 * slope**2, STEEP)
-        change[:, k, :], change[:, :, k] = FROM_NOTHING, FROM_NOTHING
-        change[:, k, k] = 0.0
-        through = best[:, :, None] + change
-        back[i] = through.argmin(axis=1)
-        best = np.take_along_axis(through, back[i][:, None], 1)[:, 0] + unary[i]
-        sums.append(best)
-    end = np.array(sums)[count - 1, np.arange(strokes)].argmin(axis=1)
-    out = np.zeros((longest, strokes), np.int64)
-    now = end
-    for i in range(longest - 1, -1, -1):
-        now = np.where(i == count - 1, end, now)
-        out[i] = now
-        if i:
-            now = np.where(i <= count - 1, back[i, np.arange(strokes), now], now)
-    found = out[step, stroke]
+    rows = np.lexsort((-np.diff(offsets)[stroke], step))
+    begin = np.r_[0, np.cumsum(np.bincount(step))]
+    k = cost.shape[1]
+    unary = np.column_stack([cost, np.full(len(cost), NOTHING)])[rows]
+    change = _changes(np.column_stack([offset, np.zeros(len(cost))])[rows], begin, spacing)
+    sums = unary[: begin[1]]
+    back = np.zeros(unary.shape, np.int64)
+    ends = [sums.argmin(axis=1)]
+    for a, b in pairwise(begin[1:]):
+        through = sums[: b - a, :, None] + change[a - begin[1] : b - begin[1]]
+        back[a:b] = through.argmin(axis=1)
+        sums = through.min(axis=1) + unary[a:b]
+        ends.append(sums.argmin(axis=1))
+    best = np.concatenate(ends)  # where a stroke ends; where one goes on, what its next came from
+    for before, a, b in reversed([*zip(begin, begin[1:], begin[2:], strict=False)]):
+        best[before : before + b - a] = back[np.arange(a, b), best[a:b]]
+    found = np.empty_like(best)
+    found[rows] = best
     return np.where(found == k, -1, found)
+
+
+def _changes(place: np.ndarray, begin: np.ndarray, spacing: float) -> np.ndarray:
+    """What going on costs, (M, from, to), for every row but those of the first step.
+
+    `place` (N, K + 1) px is where the runs lie, and step i is rows begin[i]:begin[i+1], of which
+    each follows the row in its place of the step before.
+    """
+    now = np.arange(begin[1], len(place))
+    before = now - np.repeat(np.diff(begin)[:-1], np.diff(begin)[1:])
+    slope = (place[now, None, :] - place[before, :, None]) / (spacing * SLOPE)
+    change = np.minimum(0.5 * slope**2, STEEP)
+    change[:, -1, :], change[:, :, -1] = FROM_NOTHING, FROM_NOTHING
+    change[:, -1, -1] = 0.0
+    return change
 
 
 def _losers(

@@ -42,6 +42,7 @@ FAINT_INK = 0.15  # opacity below which colour leans on the neighbourhood
 STEADY_SIGMA = 2.0  # px, of that neighbourhood
 
 # mask
+SHARP = 0.5  # px, the least Gaussian before a local peak is looked for
 GRAIN_SIGMAS = (0.0, 0.7, 1.0, 1.4, 1.8, 2.3, 2.8)  # px; blurs tried, until the mask holds together
 CUT = 0.33  # of the local peak: near the extent that the eye takes for the stroke, wider than half
 FULL = 0.9  # of the local peak: where clean ink, which is not blurred, is all stroke
@@ -408,9 +409,8 @@ def stroke_mask(alpha: np.ndarray, shows_grain: np.ndarray | None = None) -> np.
     its local peak, one pixel soft. Where holes may be the drawing's own,
     `shows_grain` (H, W) bool is where they are not.
     """
-    sigma = _grain_sigma(alpha, np.ones(alpha.shape, bool) if shows_grain is None else shows_grain)
-    smooth = ndimage.gaussian_filter(alpha, sigma) if sigma else alpha
-    peak = _local_peak(alpha, max(sigma, 0.5))
+    where = np.ones(alpha.shape, bool) if shows_grain is None else shows_grain
+    sigma, smooth, peak = _closed(alpha, where)
     if sigma:
         slope = np.maximum(np.hypot(*np.gradient(smooth)), 0.02)
         mask = np.clip(0.5 + (smooth - CUT * peak) / slope, 0, 1)
@@ -423,17 +423,19 @@ def stroke_mask(alpha: np.ndarray, shows_grain: np.ndarray | None = None) -> np.
     return mask.astype(np.float32)
 
 
-def _grain_sigma(alpha: np.ndarray, where: np.ndarray) -> float:
+def _closed(alpha: np.ndarray, where: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """The Gaussian, px, that closes ink (H, W) over its grain; 0 where it is clean.
 
-    Looked at is the grain `where` (H, W) bool it shows.
+    With the ink after it, and its local peak. Looked at is the grain `where` (H, W) bool it shows.
     """
-    clean = _unevenness(alpha) < EVEN or _unsteadiness(alpha) < STEADY
+    sharp = _local_peak(alpha, SHARP)
+    clean = _unevenness(alpha, sharp) < EVEN or _unsteadiness(alpha, sharp) < STEADY
     for sigma in (0.0,) if clean else GRAIN_SIGMAS:
         smooth = ndimage.gaussian_filter(alpha, sigma) if sigma else alpha
-        if _litter(smooth > CUT * _local_peak(alpha, max(sigma, 0.5)), where) < MAX_LITTER:
+        peak = sharp if sigma <= SHARP else _local_peak(alpha, sigma)
+        if _litter(smooth > CUT * peak, where) < MAX_LITTER:
             break
-    return sigma
+    return sigma, smooth, peak
 
 
 def _local_peak(alpha: np.ndarray, sigma: float) -> np.ndarray:
@@ -442,13 +444,12 @@ def _local_peak(alpha: np.ndarray, sigma: float) -> np.ndarray:
     return np.maximum(ndimage.gaussian_filter(peak, PEAK_SIGMA), MIN_PEAK)
 
 
-def _unevenness(alpha: np.ndarray) -> float:
-    """How far ink (H, W) that has ink all around it differs from its local peak, as a share of it.
+def _unevenness(alpha: np.ndarray, peak: np.ndarray) -> float:
+    """How far ink (H, W) that has ink all around it differs from its local `peak`, as a share.
 
     The paper between crossing lines, and short dashes, are as small as grain; but the ink of a
     grainy medium is uneven. 1 where hardly any ink lies that deep, so that nothing can be told.
     """
-    peak = _local_peak(alpha, 0.5)
     inside = alpha > CUT * peak
     deep = ndimage.binary_erosion(inside, np.ones((3, 3)))
     if deep.sum() < MIN_DEEP * max(int(inside.sum()), 1):
@@ -456,7 +457,7 @@ def _unevenness(alpha: np.ndarray) -> float:
     return float(np.abs(alpha / peak - 1)[deep].mean())
 
 
-def _unsteadiness(alpha: np.ndarray) -> float:
+def _unsteadiness(alpha: np.ndarray, peak: np.ndarray) -> float:
     """How far ink (H, W) differs, in the middle of its lines, from what it is along them.
 
     As a share of it. That is told of lines too thin to have anything deep inside, too: where the
@@ -466,7 +467,7 @@ def _unsteadiness(alpha: np.ndarray) -> float:
     peaks = [
         (seen >= np.roll(seen, 1, axis)) & (seen >= np.roll(seen, -1, axis)) for axis in (0, 1)
     ]
-    middle = (peaks[0] | peaks[1]) & (seen > CUT * _local_peak(alpha, 0.5))
+    middle = (peaks[0] | peaks[1]) & (seen > CUT * peak)
     if not middle.any():
         return 1.0
     count = ndimage.gaussian_filter(1.0 * middle, ALONG_SPAN)

@@ -168,7 +168,7 @@ def lines_on_curves(
         planned.kind,
         np.zeros(len(planned), bool),
     )
-    return nearest_strokes(placed, field.coherence.shape[::-1]).distance < 0
+    return nearest_strokes(placed, field.coherence.shape[::-1], reach=1.0).distance < 0
 
 
 def _drawn_along(

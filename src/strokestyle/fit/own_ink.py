@@ -53,16 +53,18 @@ class NearestStrokes:
     second: np.ndarray
 
 
-def nearest_strokes(strokes: Strokes, size: tuple[int, int]) -> NearestStrokes:
+def nearest_strokes(
+    strokes: Strokes, size: tuple[int, int], reach: float = NEIGHBOURHOOD
+) -> NearestStrokes:
     """Find the two nearest strokes of every pixel of a canvas of `size` (width, height) px.
 
-    Strokes farther away than NEIGHBOURHOOD are not near.
+    Strokes farther away than `reach`, px, are not near.
     """
     width, height = size
     stroke = np.full((height, width), -1)
     distance, second = np.full((height, width), np.inf), np.full((height, width), np.inf)
     for i in range(len(strokes)):
-        crop, own = distance_map(strokes, i, size, NEIGHBOURHOOD)
+        crop, own = distance_map(strokes, i, size, reach)
         box = crop.index
         old = distance[box]
         better = own < old

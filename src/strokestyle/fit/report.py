@@ -14,7 +14,7 @@ from ..extract.view import View
 from ..geometry.curves import arc_length
 from .exemplar import Exemplar
 from .learn import Learned
-from .own_ink import nearest_strokes, unexplained_ink
+from .own_ink import ASTRAY, nearest_strokes, unexplained_ink
 from .train import Fitted
 
 # Colours that the colour-blind tell apart (Okabe and Ito 2008)
@@ -96,7 +96,7 @@ def account(exemplar: Exemplar, learned: Learned) -> Account:
 
 def ink_on_no_line(exemplar: Exemplar, learned: Learned) -> np.ndarray:
     """Find the ink, (H, W) bool, that lies on no stroke as traced, and is no hatching or blot."""
-    nearest = nearest_strokes(learned.strokes, exemplar.mask.shape[::-1])
+    nearest = nearest_strokes(learned.strokes, exemplar.mask.shape[::-1], reach=ASTRAY)
     return unexplained_ink(nearest, exemplar.mask) & ~learned.ink.taken_off
 
 
