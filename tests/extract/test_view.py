@@ -880,3 +880,20 @@ def test_a_percentile_is_the_value_of_that_rank(count):
     values[rng.random(count) < 0.3] = 0.0
     for some in (values, np.round(values), np.full(count, 3.0, np.float32)):
         assert _percentile(some, 0.9) == np.sort(some)[int(0.9 * (count - 1))]
+
+
+def test_lines_without_feature_maps_are_the_same():
+    """The depth is there, by which parts are put in order; no curvature is worked out for it."""
+    surface = wheel_surface()
+    camera = fit_camera(surface.vertices, "three-quarter", 30.0, 96, 96)
+    whole, lean = (extract_view(surface, camera, maps=maps) for maps in (True, False))
+    assert lean.maps.names == ("depth",)
+    assert np.array_equal(lean.maps["depth"], whole.maps["depth"])
+    assert np.array_equal(lean.maps.covered, whole.maps.covered)
+    assert lean.maps.scale[0] == whole.maps.scale[0]
+    assert np.array_equal(lean.curves.xy, whole.curves.xy)
+    assert lean.parts.names == whole.parts.names
+    assert np.array_equal(lean.parts.index, whole.parts.index)
+    surface = make_surface(*ball(4))
+    view = extract_view(surface, fit_camera(surface.vertices, "front", 30.0, 96, 96), maps=False)
+    assert len(view.curves) and "dcurv" not in vars(surface)

@@ -88,3 +88,28 @@ def test_curvature_of_many_faces_is_summed_chunk_by_chunk(monkeypatch):
     parts = curvature.differential_geometry(shape.vertices, shape.faces, 1.0)
     for one, two in zip(whole, parts, strict=True):  # a direction may turn by half
         np.testing.assert_allclose(np.abs(one), np.abs(two), atol=1e-9)
+
+
+def test_curvature_of_some_vertices_is_worked_out_there_alone(monkeypatch):
+    shape = shapes.torus(1, 0.4, 40, 30)
+    one, two = (make_surface(shape.vertices, shape.faces) for _ in range(2))
+    vertex = np.array([17, 3, 400, 401, 3])
+    seen = []
+    forms = curvature._vertex_forms
+    monkeypatch.setattr(
+        curvature,
+        "_vertex_forms",
+        lambda mesh, rtsc: seen.append(len(mesh.faces)) or forms(mesh, rtsc),
+    )
+    some = one.curvature_at(vertex)
+    assert seen[0] <= 6 * len(vertex) and "k1" not in vars(one)
+    names = ("k1", "k2", "pdir1", "pdir2")
+    for name, found in zip(names, some, strict=True):
+        assert np.array_equal(found, getattr(two, name)[vertex]), name
+    seen.clear()
+    for name, found in zip(names, two.curvature_at(vertex), strict=True):  # all are known there
+        assert np.array_equal(found, getattr(two, name)[vertex]), name
+    smooth = one.smoothed(1.0)  # over what lies farther round them: of all
+    assert np.array_equal(smooth.curvature_at(vertex)[0], smooth.k1[vertex])
+    assert seen == [len(one.faces)]
+    assert one.curvature_at(np.zeros(0, int))[2].shape == (0, 3)

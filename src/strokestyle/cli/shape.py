@@ -132,10 +132,11 @@ class Shape:
         own = [name for name in line_options.given(self.options) if name != "kinds"]
         return self.has_own_curves and not own and not self.options.get("detail")
 
-    def view(self, optional: bool = False) -> View:
+    def view(self, optional: bool = False, maps: bool = True) -> View:
         """The view that the file holds, or that of the mesh from the camera.
 
         `optional` : with the lines besides that an artist may draw, where the options leave it open
+        `maps` : with all feature maps; those of a file or of lines from elsewhere come anyway
         """
         from ..extract.pipeline import extract_view
         from ..extract.view_file import load_view
@@ -154,6 +155,7 @@ class Shape:
                 self.spacing(),
                 hidden,
                 optional=optional and self.has_optional_lines,
+                maps=maps,
             )
 
     def _view_of_curves(self) -> View:

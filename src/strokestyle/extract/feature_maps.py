@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -112,8 +113,29 @@ def feature_maps(surface: Surface, camera: Camera, curves: Curves, bvh: Bvh) -> 
     """
     camera = camera.clear_of(surface.vertices)
     hits = _first_faces(surface, camera, bvh)
-    channels = _channels(_fields_at(surface, camera, hits))
-    names = (*NEURAL_STROKES_MAPS, *NORMAL_MAPS, "plain")
+
+    def measure(vertex: np.ndarray) -> list[np.ndarray]:
+        return _vertex_fields(SomeVertices.of(surface, vertex), camera)
+
+    return _spread(_channels(_fields_at(surface, hits, measure)), camera, hits, curves)
+
+
+def depth_map(surface: Surface, camera: Camera, bvh: Bvh) -> FeatureMaps:
+    """Measure the depth alone, as `feature_maps` does: no curvature is worked out for it."""
+    camera = camera.clear_of(surface.vertices)
+    hits = _first_faces(surface, camera, bvh)
+
+    def measure(vertex: np.ndarray) -> list[np.ndarray]:
+        return [_depth(surface.vertices[vertex], camera)]
+
+    return _spread({"depth": _fields_at(surface, hits, measure)[0]}, camera, hits)
+
+
+def _spread(
+    channels: dict[str, np.ndarray], camera: Camera, hits: _PixelHits, curves: Curves | None = None
+) -> FeatureMaps:
+    """Scale channels (P,), and spread them over the canvas; draw the raster of curves, if any."""
+    names = (*channels, "plain") if curves is not None else tuple(channels)
     scale = np.ones(len(names), np.float32)
     size = camera.height, camera.width
     values = np.empty((len(names), camera.height * camera.width), np.float32)
@@ -124,7 +146,8 @@ def feature_maps(surface: Surface, camera: Camera, curves: Curves, bvh: Bvh) -> 
             channel = np.clip(channel / scale[i], -CLIP, CLIP)
         values[i] = 0.0 if name in NORMAL_MAPS else 1.0
         values[i, hits.pixel] = _half(channel)
-    values[-1] = plain_raster(curves, camera.width, camera.height).ravel()
+    if curves is not None:
+        values[-1] = plain_raster(curves, camera.width, camera.height).ravel()
     covered = np.zeros(camera.height * camera.width, bool)
     covered[hits.pixel] = True
     return FeatureMaps(names, values.reshape(-1, *size), covered.reshape(size), scale)
@@ -145,8 +168,10 @@ class _PixelHits(NamedTuple):
     bary: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def _fields_at(surface: Surface, camera: Camera, hits: _PixelHits) -> list[np.ndarray]:
-    """Interpolate the nine fields of `_vertex_fields` at the pixels that see the surface, (P,)."""
+def _fields_at(
+    surface: Surface, hits: _PixelHits, measure: Callable[[np.ndarray], list[np.ndarray]]
+) -> list[np.ndarray]:
+    """Interpolate the fields that `measure` gives at vertices at the pixels that see them, (P,)."""
     corners = [surface.faces[:, i][hits.face] for i in range(3)]
     seen = np.zeros(len(surface.vertices), bool)
     for corner in corners:
@@ -155,7 +180,7 @@ def _fields_at(surface: Surface, camera: Camera, hits: _PixelHits) -> list[np.nd
     number = np.empty(len(seen), np.int64)
     number[vertex] = np.arange(len(vertex))
     corners = [number[corner] for corner in corners]
-    fields = _vertex_fields(SomeVertices.of(surface, vertex), camera)
+    fields = measure(vertex)
     # field by field, which stays in the processor's cache
     return [
         sum(weight * field[corner] for weight, corner in zip(hits.bary, corners, strict=True))
@@ -169,7 +194,7 @@ def _vertex_fields(vertices: SomeVertices, camera: Camera) -> list[np.ndarray]:
     radial = view.radial_curvature(vertices) / np.maximum(view.u**2 + view.v**2, 1e-6)
     right, down, _ = camera.axes
     fields = (
-        camera.project(vertices.vertices)[1],
+        _depth(vertices.vertices, camera),
         radial,
         view.radial_derivative(vertices),
         np.maximum(vertices.k1, vertices.k2),
@@ -180,6 +205,10 @@ def _vertex_fields(vertices: SomeVertices, camera: Camera) -> list[np.ndarray]:
         vertices.normals @ down,
     )
     return [field.astype(np.float32) for field in fields]
+
+
+def _depth(points: np.ndarray, camera: Camera) -> np.ndarray:
+    return camera.project(points)[1].astype(np.float32)
 
 
 def _channels(seen: list[np.ndarray]) -> dict[str, np.ndarray]:

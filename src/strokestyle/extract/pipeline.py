@@ -23,7 +23,14 @@ from ..geometry.kinds import HARD_KINDS
 from ..geometry.parts import Parts, part_name
 from ..mesh.surface import Surface
 from .camera import Camera
-from .feature_maps import NEURAL_STROKES_MAPS, NORMAL_MAPS, FeatureMaps, feature_maps, plain_raster
+from .feature_maps import (
+    NEURAL_STROKES_MAPS,
+    NORMAL_MAPS,
+    FeatureMaps,
+    depth_map,
+    feature_maps,
+    plain_raster,
+)
 from .line_options import LineOptions
 from .lines import SurfaceLines
 from .optional import OptionalLines, optional_lines
@@ -45,6 +52,7 @@ def extract_view(
     hidden: bool = False,
     lines: SurfaceLines | None = None,
     optional: bool = False,
+    maps: bool = True,
 ) -> View:
     """Draw a surface plainly: find its feature curves, look, tidy, resample, make maps and parts.
 
@@ -58,6 +66,7 @@ def extract_view(
         default the surface keeps what the last view of it found, for one by the same options
     optional : also the lines that an artist may draw besides, as `View.optional`; the others are
         the same with and without
+    maps : all of the feature maps; without, that of the depth alone: enough for who wants the lines
 
     Raises
     ------
@@ -79,10 +88,14 @@ def extract_view(
         apart = _apart_from(seen.strokes, away, camera)
         behind = _tidied(surface, camera, apart, spacing)
     del found, unseen, sight, fragments  # of millions of points, where lines lie behind one another
-    maps = feature_maps(surface, camera, maps_of, lines.bvh)
+    found_maps = (
+        feature_maps(surface, camera, maps_of, lines.bvh)
+        if maps
+        else depth_map(surface, camera, lines.bvh)
+    )
     if given is None:
         lines.remember()
-    view = View(camera, seen.curves, maps, behind.curves, strength=seen.strength)
+    view = View(camera, seen.curves, found_maps, behind.curves, strength=seen.strength)
     view = replace(view, optional=more) if optional else view
     return _with_parts(view, surface, seen.faces, behind.faces)
 

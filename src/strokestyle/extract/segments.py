@@ -216,7 +216,8 @@ def contour_segments(
     segments = _zero_lines(surface, view.n_dot_v, "contour", smooth)
     if not options.trim:
         return Trimmed(_joined(segments, _fold_contours(folds, folds.edge)), segments.none())
-    radial = values_at_ends(surface, segments, view.radial_curvature(surface))
+    passed = np.unique(surface.faces[segments.face])
+    radial = values_at_ends(surface, segments, view.radial_curvature_at(surface, passed))
     radial[~view.closed_faces[segments.face]] = 1.0
     names = _new_names(surface, segments)
     parts = (

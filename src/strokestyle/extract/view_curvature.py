@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -37,13 +38,24 @@ class VertexFields:
 
     Parameters
     ----------
-    n_dot_v : (V,), cosine between the normal and the direction v to the eye
-    u, v : (V,), components of that direction along pdir1 and pdir2
+    seen : what they are vertices of
+    to_eye : (V, 3), the direction to the eye, unit
+    n_dot_v : (V,), cosine between the normal and that direction
     """
 
+    seen: Surface | SomeVertices
+    to_eye: np.ndarray
     n_dot_v: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
+
+    @cached_property
+    def u(self) -> np.ndarray:
+        """(V,), the component of the direction to the eye along pdir1."""
+        return row_dot(self.to_eye, self.seen.pdir1)
+
+    @cached_property
+    def v(self) -> np.ndarray:
+        """(V,), that along pdir2."""
+        return row_dot(self.to_eye, self.seen.pdir2)
 
     @classmethod
     def at(cls, surface: Surface | SomeVertices, eye: np.ndarray) -> VertexFields:
@@ -58,7 +70,7 @@ class VertexFields:
         n_dot_v = row_dot(to_eye, surface.normals)
         if at_infinity(eye):
             n_dot_v = np.where(np.abs(n_dot_v) < EDGE_ON, -EDGE_ON, n_dot_v)
-        return cls(n_dot_v, row_dot(to_eye, surface.pdir1), row_dot(to_eye, surface.pdir2))
+        return cls(surface, to_eye, n_dot_v)
 
     def radial_curvature(self, surface: Surface | SomeVertices) -> np.ndarray:
         """Measure the radial curvature, times the squared length of the projected view, (V,).
@@ -68,6 +80,14 @@ class VertexFields:
         and leaves its zeros where they are.
         """
         return surface.k1 * self.u**2 + surface.k2 * self.v**2
+
+    def radial_curvature_at(self, surface: Surface, vertex: np.ndarray) -> np.ndarray:
+        """Measure the same at some vertices of a surface, (n,) int, alone: 0 at others, (V,)."""
+        k1, k2, *axes = surface.curvature_at(vertex)
+        u, v = (row_dot(self.to_eye[vertex], axis) for axis in axes)
+        radial = np.zeros(len(self.n_dot_v))
+        radial[vertex] = k1 * u**2 + k2 * v**2
+        return radial
 
     def radial_derivative(self, surface: Surface | SomeVertices) -> np.ndarray:
         """Differentiate the radial curvature along the projected view direction, (V,).
@@ -125,7 +145,7 @@ class ViewFields(VertexFields):
     def of(cls, surface: Surface, eye: np.ndarray) -> ViewFields:
         """Look at all of a surface as `at` does at some of its vertices."""
         seen = VertexFields.at(surface, eye)
-        return cls(seen.n_dot_v, seen.u, seen.v, closed_from(surface, eye))
+        return cls(surface, seen.to_eye, seen.n_dot_v, closed_from(surface, eye))
 
     def closed_vertices(self, surface: Surface) -> np.ndarray:
         """Tell which vertices of the surface have nothing but `closed_faces`, (V,) bool."""

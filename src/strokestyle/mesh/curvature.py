@@ -31,6 +31,7 @@ Blur = Callable[[np.ndarray], np.ndarray]
 CHUNK = 32 * BLOCK  # faces whose corners are summed up in one go: bounds memory
 MAX_KEPT = 1 << 19  # faces, of more the frames are set up twice rather than kept: they are large
 MIN_SORTED = 8  # steps of smoothing, from which on it pays to put vertices in order
+FEW = 0.1  # share of the vertices, of less the curvature is worked out there alone
 HUB = 64  # faces round a vertex, more than which are a fan rather than a surface round a point
 RING_PAIRS = 1 << 20  # pairs of a vertex and a face near it that are looked at in one go
 MAX_EXTRAPOLATED = 30.0  # degrees that an extrapolated normal may turn from the averaged one
@@ -302,6 +303,24 @@ class Curvature:
         one = axis.real * x + axis.imag * y
         two = axis.real * y - axis.imag * x
         return np.ascontiguousarray(one.T), np.ascontiguousarray(two.T)
+
+    def is_local(self, count: int) -> bool:
+        """Tell whether curvatures at `count` vertices are sooner worked out there than at all."""
+        return self.blur is None and "form" not in vars(self) and count < FEW * len(self.vertices)
+
+    def around(self, vertex: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Work out k1, k2 (n,), pdir1 and pdir2 (n, 3) at some vertices, an index (n,).
+
+        Of the faces round them alone, to the last digit as for all. Only where `is_local`.
+        """
+        chosen = np.zeros(len(self.vertices), bool)
+        chosen[vertex] = True
+        old, corner = np.unique(self.faces[any_corner(self.faces, chosen)], return_inverse=True)
+        some = Curvature(
+            self.vertices[old], corner.reshape(-1, 3), self.normals[old], rtsc=self.rtsc
+        )
+        own = np.searchsorted(old, vertex)
+        return some.k1[own], some.k2[own], some.pdir1[own], some.pdir2[own]
 
     @property
     def k1(self) -> np.ndarray:

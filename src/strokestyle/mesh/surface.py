@@ -145,6 +145,16 @@ class Surface:
             object.__delattr__(self, "_curvature")
         return self.__dict__[name]
 
+    def curvature_at(self, vertex: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Take k1, k2 (n,), pdir1 and pdir2 (n, 3) at some vertices, an index (n,).
+
+        They are worked out there alone, where nothing asked for all of them yet.
+        """
+        pending = self.__dict__.get("_curvature")
+        if pending is not None and pending.is_local(len(vertex)):
+            return pending.around(vertex)
+        return tuple(getattr(self, name)[vertex] for name in ("k1", "k2", "pdir1", "pdir2"))
+
     @property
     def edges(self) -> np.ndarray:
         """(E, 2) int, the welded vertices of each edge, the lower index first."""
