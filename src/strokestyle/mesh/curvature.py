@@ -729,12 +729,29 @@ def _blur_tensor(
 
     There neighbours' frames agree.
     """
-    a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real
-    tensor = np.empty((len(mean), 6))
-    for entry, (i, j) in enumerate(zip(*np.triu_indices(3), strict=True)):
-        tensor[:, entry] = a * x[i] * x[j] + b * (x[i] * y[j] + y[i] * x[j]) + c * y[i] * y[j]
-    xx, xy, xz, yy, yz, zz = blur(tensor).T
+    xx, xy, xz = _blur_entries(blur, mean, deviator, x, y, ((0, 0), (0, 1), (0, 2)))
+    yy, yz, zz = _blur_entries(blur, mean, deviator, x, y, ((1, 1), (1, 2), (2, 2)))
     rows = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
     of_x, of_y = (np.stack([column_dot(row, axis) for row in rows]) for axis in (x, y))
     a, b, c = column_dot(x, of_x), column_dot(x, of_y), column_dot(y, of_y)
     return 0.5 * (a + c), 0.5 * (a - c) + 1j * b
+
+
+def _blur_entries(
+    blur: Blur,
+    mean: np.ndarray,
+    deviator: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    entries: tuple[tuple[int, int], ...],
+) -> np.ndarray:
+    """Smooth some entries (i, j) of the tensor in world coordinates, (k, V).
+
+    All six in one go would be the most memory that a large mesh takes.
+    """
+    a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real
+    tensor = np.empty((len(mean), len(entries)))
+    for column, (i, j) in zip(tensor.T, entries, strict=True):
+        column[:] = a * x[i] * x[j] + b * (x[i] * y[j] + y[i] * x[j]) + c * y[i] * y[j]
+    del a, b, c
+    return blur(tensor).T
