@@ -172,15 +172,16 @@ def _between(a: _Line, b: _Line) -> float:
 
 def _corners(four: tuple[_Line, ...], shape: tuple[int, ...]) -> np.ndarray | None:
     """Where neighbouring sides meet, (4, 2), clockwise from the top left; None: no sheet."""
-    corners = []
-    for one, other in zip(four, (*four[1:], four[0]), strict=True):
-        matrix = np.stack([one.normal, other.normal])
-        if abs(np.linalg.det(matrix)) < 0.3:
-            return None
-        corners.append(np.linalg.solve(matrix, [one.offset, other.offset]))
-    xy = np.array(corners)
+    normal = np.array([one.normal for one in four])
+    offset = np.array([one.offset for one in four])
+    around = [1, 2, 3, 0]
+    (x, y), (u, v), far = normal.T, normal[around].T, offset[around]
+    determinant = x * v - y * u  # of each side's normal and the next one's
+    if np.abs(determinant).min() < 0.3:
+        return None
+    xy = np.stack([offset * v - far * y, far * x - offset * u], axis=1) / determinant[:, None]
     middle = xy.mean(axis=0)
-    if any(one.normal @ middle <= one.offset for one in four):
+    if (normal @ middle <= offset).any():
         return None  # the sides face outwards
     turn = np.roll(xy, -1, axis=0) - xy
     cross = turn[:, 0] * np.roll(turn[:, 1], -1) - turn[:, 1] * np.roll(turn[:, 0], -1)
