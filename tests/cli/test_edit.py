@@ -265,3 +265,20 @@ def test_wrong_use_is_one_line(drawn, tmp_path, monkeypatch, args, code, words):
     result = run(*args)
     assert result.exit_code == code and words in result.stderr and not (tmp_path / "o.svg").exists()
     assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("texture", ["image", "vector"])
+def test_thickness_there_and_back_wears_little_of_a_texture(tmp_path, texture):
+    file, made, runner = tmp_path / "a.svg", tmp_path / "b.svg", CliRunner()
+    was = small("grain")
+    file.write_text(write_svg(was, texture=texture), encoding="utf-8")
+    size, margin = file.stat().st_size, was.texture.margin
+    for factor, whole in (("1.25", 1.25), ("0.8", 1.0)) * 4:
+        given = ["edit", str(file), "-o", str(made), "--thickness", factor]
+        result = runner.invoke(main, given, catch_exceptions=False)
+        assert result.exit_code == 0, result.output
+        file, made = made, file.with_name(f"{file.stem}2.svg")
+        assert read_svg(file.read_text(encoding="utf-8")).texture.margin == pytest.approx(
+            whole * margin, abs=0.01
+        )
+    assert file.stat().st_size == pytest.approx(size, rel=0.05)

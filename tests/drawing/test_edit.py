@@ -300,3 +300,14 @@ def test_strokes_are_cut_at_parts_and_nothing_is_seen_of_it(texture):
 def test_edits_keep_parts(edit):
     drawing = with_parts(small("grain"))
     assert edit(drawing, None).parts is drawing.parts
+
+
+def test_scaling_across_leaves_strips_to_the_texel_and_its_inverse_undoes_it():
+    was = small("grain")
+    got = edits.scale_across(was, 1.25)
+    assert np.array_equal(got.texture.rgba, was.texture.rgba)
+    assert got.texture.margin == pytest.approx(1.25 * was.texture.margin)
+    assert got.strokes.thickness == pytest.approx(1.25 * was.strokes.thickness)
+    back = edits.scale_across(got, 0.8)
+    assert back.strokes.thickness == pytest.approx(was.strokes.thickness)
+    assert back.texture.margin == pytest.approx(was.texture.margin)

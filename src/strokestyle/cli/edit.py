@@ -202,31 +202,45 @@ def thickened(drawing: str, edits: Sequence[GivenEdit]) -> tuple[str, int, str] 
 
     None where not; what is wrong with a file is said where it is read as a drawing.
     """
-    from .edit_text import Thickness
-
-    factors = [edit.apply.factor for edit in edits if isinstance(edit.apply, Thickness)]
-    if drawing == STANDARD_OUTPUT or not factors or len(factors) < len(edits):
+    factor = factor_of_all(edits)
+    if drawing == STANDARD_OUTPUT or factor is None:
         return None
     from ..svg.rescale import thickened_svg
 
     try:
         with timed("thickness"):
-            made = thickened_svg(Path(drawing).read_bytes(), math.prod(factors))
+            made = thickened_svg(Path(drawing).read_bytes(), factor)
     except (OSError, ValueError):
         return None
     return None if made is None else (*made, "")
 
 
+def factor_of_all(edits: Sequence[GivenEdit]) -> float | None:
+    """The factor that edits multiply all thicknesses by; None where they do anything else."""
+    from .edit_text import Thickness
+
+    factors = [edit.apply.factor for edit in edits if isinstance(edit.apply, Thickness)]
+    return math.prod(factors) if 0 < len(factors) == len(edits) else None
+
+
 def edited_text(
-    drawing: str, edits: Iterable[GivenEdit], look: dict[str, Any], seed: int
+    drawing: str, edits: Sequence[GivenEdit], look: dict[str, Any], seed: int
 ) -> tuple[str, int, str]:
     """The SVG of an edited drawing, its number of strokes, and what was left out."""
+    from ..drawing.edit import scale_across
+    from ..svg.rescale import FACTORS
     from ..svg.write import write_svg
     from .edit_text import NamedDrawing
 
     with timed("read the drawing"):
         found = read_drawing(drawing)
-    edited = make_edits(edits, NamedDrawing(found.drawing, found.ids), seed)
+    edited = NamedDrawing(found.drawing, found.ids)
+    factor = factor_of_all(edits)
+    if factor is not None and FACTORS[0] <= factor <= FACTORS[1]:
+        with timed("thickness"):
+            edited = NamedDrawing(scale_across(found.drawing, factor), found.ids)
+    else:
+        edited = make_edits(edits, edited, seed)
     if not edited.ids:
         raise ValueError(f"{drawing}: --drop takes out all {len(found.ids)} strokes: drop fewer")
     with timed("write the SVG"):

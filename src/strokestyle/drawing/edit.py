@@ -17,7 +17,7 @@ from ..geometry.curves import arc, blurred, counting, take_ragged, tangents
 from ..geometry.curves import simplify as kept_points
 from ..geometry.parts import Pieces
 from .strip import carried_strip, strip_columns, strip_of_piece, wider
-from .strokes import Drawing, Strokes, Texture
+from .strokes import MAX_MARGIN, Drawing, Strokes, Texture
 
 STEP = 3.0  # px between the points of a line that is drawn anew
 CORNER = 50.0  # degrees; where a simplified line turns by more, it keeps its corner
@@ -64,6 +64,24 @@ def thicken(drawing: Drawing, factor: float, only: np.ndarray | None = None) -> 
     if factor == 1.0:
         return drawing
     return _reshape(drawing, lambda line: replace(line, thickness=line.thickness * factor), only)
+
+
+def scale_across(drawing: Drawing, factor: float) -> Drawing:
+    """Multiply every thickness and margin by `factor`; strips stay as they are to the last texel.
+
+    Grain is drawn out across strokes by the factor, where `thicken` would resample it, and so a
+    factor and its inverse give what there was, as often as one likes.
+    """
+    check_range("factor", factor, 0.0, 1000.0)
+    strokes, texture = drawing.strokes, drawing.texture
+    if texture is not None:
+        margin = np.minimum(factor * texture.margin, MAX_MARGIN)
+        texture = replace(texture, margin=margin)
+    return replace(
+        drawing,
+        strokes=replace(strokes, thickness=factor * strokes.thickness),
+        texture=texture,
+    )
 
 
 def wiggle(
