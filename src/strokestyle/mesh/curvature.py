@@ -287,6 +287,7 @@ class Curvature:
         form = _vertex_forms(self.faces_in_place, self.rtsc)
         if self.blur is None:
             return form
+        self.faces_in_place.put_away()  # smoothing takes the most memory, and none of that
         x, y = _tangent_frame(columns(self.normals))
         blur, self.blur = self.blur, None
         return _blur_tensor(blur, *form, x, y)
@@ -444,6 +445,11 @@ class _PlacedFaces:
             return np.stack(_block_areas(side_vectors(self.points, self.faces[block])))[None]
 
         return np.maximum(_sum_at_corners(self.faces, len(self.vertices), 1, measure)[0], TINY)
+
+    def put_away(self) -> None:
+        """Forget the columns, which are soon laid out again."""
+        for name in ("points", "axes"):
+            vars(self).pop(name, None)
 
     def basis(self, block: slice) -> tuple[_FaceBasis, list[np.ndarray], _FaceFrames]:
         """Set up bases of faces, the normals (3, N) at their three corners, and their frames."""
