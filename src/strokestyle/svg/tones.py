@@ -621,7 +621,7 @@ def _ring_texts(points: np.ndarray, offsets: np.ndarray, follows: np.ndarray) ->
     begin = middle[offsets[1:] - 1]  # each ring from the middle of its last side to its first
     jump = begin - np.where(follows[:, None], np.roll(begin, 1, axis=0), 0)
     jumps, controls, steps = (
-        [str(value) for value in values.reshape(-1).tolist()]
+        _number_texts(values.reshape(-1))
         for values in (jump, 2 * points[offsets[:-1]] - begin, middle - middle[before])
     )
     texts, ends = [], (2 * offsets).tolist()
@@ -630,6 +630,18 @@ def _ring_texts(points: np.ndarray, offsets: np.ndarray, follows: np.ndarray) ->
         first = " ".join((*controls[k : k + 2], *steps[a : a + 2]))
         texts.append(f"m{jumps[k]} {jumps[k + 1]}q{first}t{' '.join(steps[a + 2 : b])}z")
     return texts
+
+
+def _number_texts(values: np.ndarray) -> list[str]:
+    """Whole numbers (n,) as text.
+
+    Steps along an edge are many and short: where that is so, each number is told once.
+    """
+    low, high = int(values.min()), int(values.max())
+    if high - low >= len(values):
+        return [str(value) for value in values.tolist()]
+    texts = [str(value) for value in range(low, high + 1)]
+    return [texts[value] for value in (values - low).tolist()]
 
 
 def edge_of(polygon: np.ndarray) -> np.ndarray:
