@@ -102,21 +102,22 @@ class PathNet(nn.Module):
 class TextureNet(nn.Module):
     """g: make RGB (B, 3, H, W) in [0, 1] of eight geometry maps and the stroke mask (B, 9, H, W).
 
-    The paper's appendix, third table.
+    The paper's appendix, third table. `width` is the channels of its first layer, `blocks` how many
+    are residual.
     """
 
-    def __init__(self, maps: int = 9):
+    def __init__(self, maps: int = 9, width: int = 64, blocks: int = 6):
         super().__init__()
         self.body = nn.Sequential(
             nn.ReflectionPad2d(3),
-            *_conv(maps, 64, 7),
-            *_conv(64, 128, 3, stride=2, padding=1),
-            *_conv(128, 256, 3, stride=2, padding=1),
-            *(ResidualBlock(256) for _ in range(6)),
-            *_up(256, 128),
-            *_up(128, 64),
+            *_conv(maps, width, 7),
+            *_conv(width, 2 * width, 3, stride=2, padding=1),
+            *_conv(2 * width, 4 * width, 3, stride=2, padding=1),
+            *(ResidualBlock(4 * width) for _ in range(blocks)),
+            *_up(4 * width, 2 * width),
+            *_up(2 * width, width),
             nn.ReflectionPad2d(3),
-            nn.Conv2d(64, 3, 7),
+            nn.Conv2d(width, 3, 7),
             nn.Sigmoid(),
         )
 
@@ -127,15 +128,16 @@ class TextureNet(nn.Module):
 class PatchDiscriminator(nn.Module):
     """D: judge RGB (B, 3, H, W), each value of (B, 1, h, w) a patch of 70 x 70 px.
 
-    Isola et al. 2017.
+    Isola et al. 2017. `width` is the channels of its first layer.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, width: int = 64) -> None:
         super().__init__()
-        layers: list[nn.Module] = [nn.Conv2d(3, 64, 4, 2, 1), nn.LeakyReLU(0.2)]
-        for a, b, stride in ((64, 128, 2), (128, 256, 2), (256, 512, 1)):
+        layers: list[nn.Module] = [nn.Conv2d(3, width, 4, 2, 1), nn.LeakyReLU(0.2)]
+        for step, stride in enumerate((2, 2, 1)):
+            a, b = width << step, width << step + 1
             layers += [nn.Conv2d(a, b, 4, stride, 1), nn.InstanceNorm2d(b), nn.LeakyReLU(0.2)]
-        self.body = nn.Sequential(*layers, nn.Conv2d(512, 1, 4, 1, 1))
+        self.body = nn.Sequential(*layers, nn.Conv2d(8 * width, 1, 4, 1, 1))
 
     def forward(self, rgb: Tensor) -> Tensor:
         return self.body(rgb)
