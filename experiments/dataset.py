@@ -5,8 +5,13 @@ DATA/shapes/<shape>/{mesh.obj,camera.json[,curves.json]}
 DATA/styles/<style>/<shape>/drawing.png[,take2.png]
 
 Where there is a curves.json, its curves are what was drawn over, and what methods get; else our own
-feature curves are extracted. take2.png is the same artist's second drawing of the same shape."""
+feature curves are extracted. take2.png is the same artist's second drawing of the same shape.
+DATA/dataset.json describes the set (build_dataset.py writes and checks it); its "train" is the
+training shape where none is given."""
 
+import argparse
+import json
+import os
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -69,23 +74,29 @@ class DataSet:
     """The drawings and shapes of a folder, at one size.
 
     root : DATA
+    train : the shape that styles are learned from, or that of each style
     size : px, the longer side of all images; None = as the cameras have it
-    train : the shape that styles are learned from
     """
 
-    def __init__(self, root: Path, train: str, size: int | None = None):
+    def __init__(self, root: Path, train: str | dict[str, str], size: int | None = None):
         self.root, self.train, self.size = Path(root), train, size
         self._sheets: dict[str, Sheet] = {}
 
     def styles(self) -> list[str]:
-        """Names of all styles that have a drawing of the training shape."""
-        drawings = self.root.glob(f"styles/*/{self.train}/drawing.png")
-        return sorted(path.parent.parent.name for path in drawings)
+        """Names of all styles that have a drawing of their training shape."""
+        there = {path.parent.parent.name for path in self.root.glob("styles/*/*/drawing.png")}
+        if isinstance(self.train, dict):
+            return sorted(there & set(self.train))
+        return sorted(s for s in there if self.drawing_path(s, self.train).exists())
+
+    def train_of(self, style: str) -> str:
+        """The shape that a style is learned from."""
+        return self.train[style] if isinstance(self.train, dict) else self.train
 
     def tests(self, style: str) -> list[str]:
         """Names of the shapes that a style is tested on."""
         drawings = self.root.glob(f"styles/{style}/*/drawing.png")
-        return sorted({path.parent.name for path in drawings} - {self.train})
+        return sorted({path.parent.name for path in drawings} - {self.train_of(style)})
 
     def sheet(self, shape: str) -> Sheet:
         """The sheet of a shape; made once."""
@@ -95,8 +106,8 @@ class DataSet:
 
     def lesson(self, style: str) -> Lesson:
         """The drawing that a style is learned from."""
-        path = self.drawing_path(style, self.train)
-        sheet = self.sheet(self.train)
+        shape = self.train_of(style)
+        path, sheet = self.drawing_path(style, shape), self.sheet(shape)
         return Lesson(style, sheet, read_image(path, sheet.size), path)
 
     def drawing_path(self, style: str, shape: str) -> Path:
@@ -127,3 +138,29 @@ def read_image(path: Path, size: tuple[int, int]) -> np.ndarray:
     if paper.size != size:
         paper = paper.resize(size, Image.Resampling.LANCZOS)
     return np.asarray(paper, np.float32) / 255
+
+
+def add_data_options(parser: argparse.ArgumentParser) -> None:
+    """Let a script be told where its data set lies, and how large to take it."""
+    parser.add_argument("--data", type=Path, default=os.environ.get("STROKESTYLE_SHARED"))
+    parser.add_argument("--train", help="the shape that styles are learned from")
+    parser.add_argument("--size", type=int, default=256, help="px, the longer side of all images")
+
+
+def data_of(options: argparse.Namespace) -> DataSet:
+    """The data set of a script's options. Raises ValueError, saying what is missing."""
+    if options.data is None:
+        raise ValueError("give --data DATA, or set STROKESTYLE_SHARED")
+    return DataSet(Path(options.data), options.train or described_train(options.data), options.size)
+
+
+def described_train(root: Path) -> str | dict[str, str]:
+    """The training shape, or that of each style, as a data set is described. Raises ValueError."""
+    described = Path(root) / "dataset.json"
+    if described.exists():
+        return json.loads(described.read_text())["train"]
+    shapes = sorted({path.parent.name for path in Path(root).glob("styles/*/*/drawing.png")})
+    raise ValueError(
+        f"{root}: which of {', '.join(shapes) or 'no shapes'} are styles learned from? "
+        "give --train, or write dataset.json with build_dataset.py describe"
+    )
