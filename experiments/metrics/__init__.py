@@ -1,0 +1,1 @@
+"""Distances between drawings, as papers state them: LPIPS, FID, KID, the same of patches, marks."""
