@@ -1,6 +1,7 @@
 """Help, options, and one line for everything that is wrong, as a user meets them."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -53,6 +54,19 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.count("Usage: ") == 7 and not heavy & set(done.stderr.split())
+
+
+def test_numpy_multiplies_in_one_thread_unless_the_person_says(monkeypatch):
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+    for said in ({}, {"OMP_NUM_THREADS": "3"}, {"OPENBLAS_NUM_THREADS": "2"}):
+        for name in names:
+            monkeypatch.setenv(name, "")  # so that it is put back as it was
+            monkeypatch.delenv(name)
+        for name, value in said.items():
+            monkeypatch.setenv(name, value)
+        assert run("--version").exit_code == 0
+        found = {name: os.environ[name] for name in names if name in os.environ}
+        assert found == (said or {"OPENBLAS_NUM_THREADS": "1"})
 
 
 def test_what_help_says_is_what_the_library_does():

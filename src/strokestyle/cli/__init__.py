@@ -19,6 +19,7 @@ class Group(click.Group):
 
     def main(self, *args: Any, **options: Any) -> Any:
         open_standard_streams()
+        use_one_blas_thread()
         return super().main(*args, **options)
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -35,6 +36,16 @@ class Group(click.Group):
         except (ValueError, OSError, MemoryError) as error:
             say(f"strokestyle: {describe(error)}", level=-1)
             ctx.exit(1)
+
+
+def use_one_blas_thread() -> None:
+    """Let numpy, once it is imported, multiply matrices in one thread, unless the person says.
+
+    They are small here. A second thread gains nothing, waits for work at the full cost of a core,
+    and on a machine that has other things to do a product takes twenty times as long.
+    """
+    if "OMP_NUM_THREADS" not in os.environ:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def open_standard_streams() -> None:
