@@ -19,15 +19,8 @@ from torch.nn import functional as F
 
 from ..extract.view import View
 from ..geometry.curves import owner
-from ..render.coverage import coverage
 from ..render.networks import PatchDiscriminator, PathNet, SurfaceNet, TextureNet
-from ..render.neural_strokes import (
-    NeuralStrokesStyle,
-    curve_features,
-    padded,
-    stroke_geometry,
-    view_maps,
-)
+from ..render.neural_strokes import NeuralStrokesStyle, Paths, StrokeGeometry, view_maps
 from .checkpoint import Checkpoint
 from .config import NeuralStrokesConfig
 from .exemplar import Exemplar
@@ -45,26 +38,28 @@ TRIAL_STEPS = 3  # that are timed, the first of which only warms up
 
 @dataclass(frozen=True)
 class Networks:
-    """The paper's three networks, and the discriminator that the texture is trained against."""
+    """The networks of geometry and texture, and the discriminator that trains the texture."""
 
-    surface: SurfaceNet
-    path: PathNet
-    texture: TextureNet
+    geometry: StrokeGeometry
+    texture: torch.nn.Module
     discriminator: PatchDiscriminator
 
     @classmethod
-    def of(cls, seed: int, device: torch.device) -> Networks:
-        """Make untrained networks. The same seed makes the same, whatever was drawn before."""
+    def papers(cls) -> Networks:
+        """Make the networks that the paper has."""
+        return cls(StrokeGeometry(SurfaceNet(), PathNet()), TextureNet(), PatchDiscriminator())
+
+    @classmethod
+    def untrained(cls, make: Callable[[], Networks], seed: int, device: torch.device) -> Networks:
+        """Make networks with the weights that training begins with.
+
+        The same seed gives the same weights, whatever was drawn before.
+        """
         with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
             torch.manual_seed(seed)
-            made = cls(
-                SurfaceNet().to(device),
-                PathNet().to(device),
-                TextureNet().to(device),
-                PatchDiscriminator().to(device),
-            )
-            for network in (made.surface, made.path, made.texture, made.discriminator):
-                initialise(network)
+            made = make()
+            for network in (made.geometry, made.texture, made.discriminator):
+                initialise(network.to(device))
         return made
 
 
@@ -76,16 +71,14 @@ class Exercise:
     ----------
     view : the shape as it was drawn
     maps : (1, 9, H, W), the surface network's input
-    points : (N, 7) of `curve_features`
-    offsets : (C+1,) int64, of the curves
+    paths : the view's curves
     mask : (H, W), the artist's strokes
     rgb : (1, 3, H, W), the artist's drawing
     """
 
     view: View
     maps: Tensor
-    points: Tensor
-    offsets: Tensor
+    paths: Paths
     mask: Tensor
     rgb: Tensor
 
@@ -95,8 +88,7 @@ class Exercise:
         return cls(
             view,
             view_maps(view, device),
-            curve_features(view, device),
-            torch.tensor(view.curves.offsets, device=device),
+            Paths.of(view, device),
             torch.tensor(1.0 - exemplar.mask, device=device),
             torch.tensor(exemplar.rgb, device=device).permute(2, 0, 1)[None],
         )
@@ -104,9 +96,22 @@ class Exercise:
     def drawn(self, networks: Networks) -> Tensor:
         """The strokes (H, W) that the geometry networks draw on the whole canvas."""
         with torch.no_grad():
-            deep = padded(networks.surface, self.maps)
-            xy, thickness = stroke_geometry(networks.path, deep, self.points, self.offsets)
-            return 1.0 - coverage(xy, thickness, self.offsets, *self.maps.shape[2:])
+            return networks.geometry.draw(self.maps, self.paths)[0][0]
+
+    def cut(self, curve: np.ndarray, corners: np.ndarray, size: int) -> tuple[Tensor, Paths]:
+        """Cut maps (B, 9, size, size) and curves at patches with corners (B, 2).
+
+        `curve` (N,) says which curve each point belongs to.
+        """
+        runs = cut_curves(self.view.curves.xy, curve, corners, size)
+        points = self.paths.points
+        corner = torch.tensor(corners, dtype=points.dtype, device=points.device)
+        pieces = Paths(
+            points[runs.rows] - F.pad(corner[runs.patch], (0, 5)),
+            torch.tensor(runs.offsets, device=points.device),
+            torch.tensor(runs.patch, device=points.device),
+        )
+        return crop(self.maps[0], corners, size), pieces
 
 
 def fit_neural_strokes(
@@ -125,7 +130,21 @@ def fit_neural_strokes(
     `until`, on the clock of time.monotonic(), shortens both stages alike, the fall of their rates
     with them. Raises ValueError where no patch of the view holds a stroke.
     """
-    networks, exercise = Networks.of(seed, device), Exercise.of(view, exemplar, device)
+    networks = Networks.untrained(Networks.papers, seed, device)
+    train(networks, Exercise.of(view, exemplar, device), config, seed, report, checkpoint, until)
+    return NeuralStrokesStyle(networks.geometry, networks.texture, about)
+
+
+def train(
+    networks: Networks,
+    exercise: Exercise,
+    config: NeuralStrokesConfig,
+    seed: int,
+    report: Reporter,
+    checkpoint: Checkpoint,
+    until: float | None = None,
+) -> None:
+    """Train networks in both stages. Arguments and errors as of `fit_neural_strokes`."""
     rng = np.random.default_rng(seed)
 
     def affordable() -> float:
@@ -133,13 +152,12 @@ def fit_neural_strokes(
 
     config = replace(config, schedule=checkpoint.chosen("schedule", affordable))
     report.total = _steps_to_come(config, checkpoint)
-    _train_geometry(networks, exercise, config, rng, report, checkpoint)
+    train_geometry(networks, exercise, config, rng, report, checkpoint)
     # the texture stage sees the geometry stage's own strokes, not the artist's mask (code)
     drawn = exercise.drawn(networks)
-    _train_texture(networks, exercise, drawn, config, rng, report, checkpoint)
-    for network in (networks.surface, networks.path, networks.texture):
+    train_texture(networks, exercise, drawn, config, rng, report, checkpoint)
+    for network in (networks.geometry, networks.texture):
         network.eval()
-    return NeuralStrokesStyle(networks.surface, networks.path, networks.texture, about)
 
 
 # ------------------------------------------------------------------------------------------ budget
@@ -152,11 +170,11 @@ def _affordable(
 
     def geometry(few: NeuralStrokesConfig, tick: Report) -> None:
         trial, rng = copy.deepcopy(networks), np.random.default_rng(0)
-        _train_geometry(trial, exercise, few, rng, tick, Checkpoint())
+        train_geometry(trial, exercise, few, rng, tick, Checkpoint())
 
     def texture(few: NeuralStrokesConfig, tick: Report) -> None:
         trial, rng = copy.deepcopy(networks), np.random.default_rng(0)
-        _train_texture(trial, exercise, exercise.mask, few, rng, tick, Checkpoint())
+        train_texture(trial, exercise, exercise.mask, few, rng, tick, Checkpoint())
 
     allowed = TRIAL_SHARE * (until - time.monotonic())
     sizes = patch_sizes(exercise.view, config.patches)
@@ -207,38 +225,7 @@ def _steps_to_come(config: NeuralStrokesConfig, checkpoint: Checkpoint) -> int:
 # ---------------------------------------------------------------------------------------- geometry
 
 
-class PathPatches(NamedTuple):
-    """Pieces of curves inside the patches of a batch.
-
-    points : (R, 7) of `curve_features`, in px of their patch
-    offsets : (S+1,) int64, piece i is rows offsets[i]:offsets[i+1]
-    patch : (R,) int64
-    """
-
-    points: Tensor
-    offsets: Tensor
-    patch: Tensor
-
-    @classmethod
-    def of(cls, exercise: Exercise, curve: np.ndarray, corners: np.ndarray, size: int):
-        """Cut the curves, whose points belong to `curve` (N,), at patches with corners (B, 2)."""
-        runs = cut_curves(exercise.view.curves.xy, curve, corners, size)
-        points = exercise.points
-        corner = torch.tensor(corners, dtype=points.dtype, device=points.device)
-        local = points[runs.rows] - F.pad(corner[runs.patch], (0, 5))
-        return cls(
-            local,
-            torch.tensor(runs.offsets, device=points.device),
-            torch.tensor(runs.patch, device=points.device),
-        )
-
-    def drawn(self, xy: Tensor, thickness: Tensor, size: int, batch: int) -> Tensor:
-        """Draw the pieces, displaced to `xy` (R, 2), on their patches: (B, size, size)."""
-        owners = self.patch[self.offsets[:-1]]
-        return 1.0 - coverage(xy, thickness, self.offsets, size, size, owners, batch)
-
-
-def _train_geometry(
+def train_geometry(
     networks: Networks,
     exercise: Exercise,
     config: NeuralStrokesConfig,
@@ -246,26 +233,23 @@ def _train_geometry(
     report: Report,
     checkpoint: Checkpoint,
 ) -> None:
-    """Train surface and path network by L_b + lambda_s L_s (eqs. 2 and 3)."""
-    surface, path = networks.surface, networks.path
-    parameters = [*surface.parameters(), *path.parameters()]
-    optimiser = torch.optim.Adam(parameters, config.rate, betas=(0.0, 0.99))
+    """Train the networks of geometry by L_b + lambda_s L_s (eqs. 2 and 3)."""
+    geometry = networks.geometry
+    optimiser = torch.optim.Adam(geometry.parameters(), config.rate, betas=(0.0, 0.99))
     steps, schedule = falling_rate(
         optimiser, config.geometry_steps, config.geometry_decay, config.schedule
     )
     places = PatchSampler.of(exercise.view, config)
     curve = owner(exercise.view.curves.offsets)
-    learned = {"surface": surface, "path": path}
+    learned = dict(geometry.named_children())
     training: dict[str, Training] = {"optimiser": optimiser, "schedule": schedule}
     with checkpoint.watch("geometry", steps, learned, training, rng) as (remaining, passed):
         for step in remaining:
             size, corners = places.draw(rng, config.batch)
-            pieces = PathPatches.of(exercise, curve, corners, size)
-            deep = surface(crop(exercise.maps[0], corners, size))
-            moved, thickness = stroke_geometry(path, deep, *pieces)
-            drawn = pieces.drawn(moved, thickness, size, config.batch)
+            maps, pieces = exercise.cut(curve, corners, size)
+            drawn, displacement = geometry.draw(maps, pieces)
             loss_mask = F.l1_loss(drawn, crop(exercise.mask[None], corners, size)[:, 0])
-            loss_smooth = smoothness_loss(moved - pieces.points[:, :2], pieces.offsets)
+            loss_smooth = smoothness_loss(displacement, pieces.offsets)
             loss = loss_mask + config.smoothness * loss_smooth
             optimiser.zero_grad(set_to_none=True)
             loss.backward()
@@ -302,7 +286,7 @@ def _texture_patches(
     return TexturePatches(turned[:batch, :inputs], turned[:batch, inputs:], turned[batch:, inputs:])
 
 
-def _train_texture(
+def train_texture(
     networks: Networks,
     exercise: Exercise,
     drawn: Tensor,

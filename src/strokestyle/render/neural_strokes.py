@@ -1,6 +1,6 @@
 """Draw in a style as the paper has it: a surface network, a path network, and a texture network.
 
-Liu, Fisher, Hertzmann, Kalogerakis: Neural Strokes, ICCV 2021. Section 3.2 is `stroke_geometry`,
+Liu, Fisher, Hertzmann, Kalogerakis: Neural Strokes, ICCV 2021. Section 3.2 is `StrokeGeometry`,
 section 3.3 the texture network, which sees the whole canvas, and `look_up`. Images in here are
 white = 1, stroke = 0, as in the paper: what lies outside the canvas is then background.
 """
@@ -8,6 +8,7 @@ white = 1, stroke = 0, as in the paper: what lies outside the canvas is then bac
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -33,6 +34,65 @@ MARGIN = 2.0  # px beyond the half thickness that a strip reaches
 MIDDLE = 0.5  # of a strip's width, where the opacity of the flat ink is measured
 
 
+class Paths(NamedTuple):
+    """Curves, or pieces of them, over the images of a batch.
+
+    points : (N, 7) of `curve_features`, in px of their image
+    offsets : (C+1,) int64, path i is rows offsets[i]:offsets[i+1]
+    image : (N,) int64, the image of the batch that a point lies on
+    """
+
+    points: Tensor
+    offsets: Tensor
+    image: Tensor
+
+    @classmethod
+    def of(cls, view: View, device: torch.device | str = "cpu") -> Paths:
+        """Take all curves of a view, over one image."""
+        points = curve_features(view, device)
+        offsets = torch.tensor(view.curves.offsets, device=device)
+        return cls(points, offsets, torch.zeros(len(points), dtype=torch.int64, device=device))
+
+    def drawn(self, xy: Tensor, thickness: Tensor, maps: Tensor) -> Tensor:
+        """Draw the paths, moved to `xy` (N, 2), on the images of maps (B, K, H, W): (B, H, W)."""
+        images, _, height, width = maps.shape
+        owners = self.image[self.offsets[:-1]]
+        return 1.0 - coverage(xy, thickness, self.offsets, height, width, owners, images)
+
+
+class StrokeGeometry(nn.Module):
+    """Make strokes of curves: the paper's section 3.2, surface and path geometry module.
+
+    Parameters
+    ----------
+    surface : SurfaceNet, f
+    path : PathNet, h
+    """
+
+    def __init__(self, surface: nn.Module, path: nn.Module):
+        super().__init__()
+        self.surface, self.path = surface, path
+
+    def forward(self, maps: Tensor, paths: Paths) -> tuple[Tensor, Tensor]:
+        """Predict where strokes go and how thick they are: eq. 1, [t, d] = avg(h(P), h(P')).
+
+        P' are the features of the points with the curve's direction turned round. `maps` are V,
+        (B, 9, H, W). Returns what `moved` does.
+        """
+        here = nearest(padded(self.surface, maps), paths)
+        direction, along = paths.points[:, 2:6], paths.points[:, 6:]
+        there, back = (
+            self.path(torch.cat([here, sign * direction, along], dim=1), paths.offsets)
+            for sign in (1.0, -1.0)
+        )
+        return moved(paths, (there + back) / 2.0)
+
+    def draw(self, maps: Tensor, paths: Paths) -> tuple[Tensor, Tensor]:
+        """Draw the strokes, (B, H, W); also gives the displacement (N, 2) of the paths' points."""
+        xy, thickness = self(maps, paths)
+        return paths.drawn(xy, thickness, maps), xy - paths.points[:, :2]
+
+
 @dataclass(frozen=True)
 class NeuralStrokesStyle:
     """The three networks after training.
@@ -41,15 +101,13 @@ class NeuralStrokesStyle:
 
     Parameters
     ----------
-    surface : SurfaceNet, f in the paper
-    path : PathNet, h
+    geometry : f and h in the paper
     texture : TextureNet, g
     about : provenance: strokestyle version, preset, seed, exemplar
     choice : which lines are drawn, or None for all; that is ours, not the paper's
     """
 
-    surface: nn.Module
-    path: nn.Module
+    geometry: StrokeGeometry
     texture: nn.Module
     about: dict = field(default_factory=dict)
     choice: LineChoice | None = None
@@ -81,29 +139,28 @@ class NeuralStrokesStyle:
 
     def _translate(self, view: View) -> tuple[Strokes, np.ndarray]:
         """The strokes of a view, and the image of them as the texture network has it (H, W, 3)."""
-        curves, device = view.curves, next(self.path.parameters()).device
+        device = next(self.geometry.parameters()).device
         with torch.no_grad():
-            maps, points = view_maps(view, device), curve_features(view, device)
-            offsets = torch.tensor(curves.offsets, device=device)
-            deep = padded(self.surface, maps)
-            xy, thickness = stroke_geometry(self.path, deep, points, offsets)
-            height, width = maps.shape[2:]
-            mask = 1.0 - coverage(xy, thickness, offsets, height, width)
-            rgb = padded(self.texture, torch.cat([maps[:, :-1], mask[None, None]], dim=1))[0]
-        strokes = Strokes(
+            maps, paths = view_maps(view, device), Paths.of(view, device)
+            xy, thickness = self.geometry(maps, paths)
+            image = painted(self.texture, maps, paths.drawn(xy, thickness, maps)[0])
+        return Strokes(
             xy.double().cpu().numpy(),
             thickness.clamp(min=0).double().cpu().numpy(),
-            curves.offsets,
-            curves.kind,
-            curves.closed,
-        )
-        return strokes, outside_white(rgb.cpu().numpy().transpose(1, 2, 0), mask.cpu().numpy())
+            view.curves.offsets,
+            view.curves.kind,
+            view.curves.closed,
+        ), image
 
     def state(self) -> dict:
         """Give the networks' weights as arrays, for the model file: {network: {weight: array}}."""
-        nets = {name: getattr(self, name).state_dict() for name in ("surface", "path", "texture")}
+        nets = {
+            "surface": self.geometry.surface,
+            "path": self.geometry.path,
+            "texture": self.texture,
+        }
         return {
-            name: {key: value.cpu().numpy() for key, value in net.items()}
+            name: {key: value.cpu().numpy() for key, value in net.state_dict().items()}
             for name, net in nets.items()
         }
 
@@ -120,7 +177,7 @@ class NeuralStrokesStyle:
                 {key: torch.from_numpy(value) for key, value in state[name].items()}
             )
             net.to(device).eval()
-        return cls(nets["surface"], nets["path"], nets["texture"], about)
+        return cls(StrokeGeometry(nets["surface"], nets["path"]), nets["texture"], about)
 
 
 def view_maps(view: View, device: torch.device | str = "cpu") -> Tensor:
@@ -147,37 +204,39 @@ def curve_features(view: View, device: torch.device | str = "cpu") -> Tensor:
     return torch.tensor(np.concatenate(columns, axis=1), dtype=torch.float32, device=device)
 
 
-def stroke_geometry(
-    path: nn.Module, deep: Tensor, points: Tensor, offsets: Tensor, image: Tensor | None = None
-) -> tuple[Tensor, Tensor]:
-    """Predict where strokes go and how thick they are: eq. 1, [t, d] = avg(h(P), h(P')).
+def nearest(deep: Tensor, paths: Paths) -> Tensor:
+    """Look up deep features (B, K, H, W) at the pixel nearest to each point: (N, K)."""
+    height, width = deep.shape[2:]
+    column = paths.points[:, 0].floor().long().clamp(0, width - 1)
+    row = paths.points[:, 1].floor().long().clamp(0, height - 1)
+    return deep[paths.image, :, row, column]
 
-    P' are the features of the points with the curve's direction turned round.
 
-    Parameters
-    ----------
-    path : PathNet, h
-    deep : (B, 40, H, W), F = f(V)
-    points : (N, 7) of `curve_features`, in pixels of `deep`
-    offsets : (C+1,) cuts points into curves
-    image : (N,) int, the image of the batch that a point lies on; None = the first
+def moved(paths: Paths, out: Tensor) -> tuple[Tensor, Tensor]:
+    """Move paths and give them thickness by what networks make for their points (N, 3).
 
     Returns
     -------
     displaced points (N, 2) and thickness (N,), px; a strongly negative output leaves the thickness
     below 0, with a gradient
     """
-    height, width = deep.shape[2:]
-    column = points[:, 0].floor().long().clamp(0, width - 1)
-    row = points[:, 1].floor().long().clamp(0, height - 1)
-    image = torch.zeros_like(row) if image is None else image
-    here = deep[image, :, row, column]  # (N, 40), nearest pixel
-    direction, along = points[:, 2:6], points[:, 6:]
-    there, back = (
-        path(torch.cat([here, sign * direction, along], dim=1), offsets) for sign in (1.0, -1.0)
-    )
-    out = (there + back) / 2.0
-    return points[:, :2] + out[:, :2], F.leaky_relu(out[:, 2], LEAK) + MIN_THICKNESS
+    return paths.points[:, :2] + out[:, :2], F.leaky_relu(out[:, 2], LEAK) + MIN_THICKNESS
+
+
+def painted(texture: nn.Module, maps: Tensor, mask: Tensor) -> np.ndarray:
+    """Paint strokes with g on U: the maps without the plain raster, and the strokes' mask.
+
+    Parameters
+    ----------
+    texture : TextureNet, g
+    maps : (1, 9, H, W) of `view_maps`
+    mask : (H, W), white 1
+
+    Returns (H, W, 3), white beyond the strokes.
+    """
+    with torch.no_grad():
+        rgb = padded(texture, torch.cat([maps[:, :-1], mask[None, None]], dim=1))[0]
+    return outside_white(rgb.cpu().numpy().transpose(1, 2, 0), mask.cpu().numpy())
 
 
 def padded(network: nn.Module, maps: Tensor) -> Tensor:
