@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 from shapes import cube, torus, wheel
 
@@ -28,7 +29,7 @@ from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.lines import SurfaceLines, feature_curves
 from strokestyle.extract.pipeline import extract_view, faces_of, view_of_curves, view_of_lines
 from strokestyle.extract.rays import Bvh
-from strokestyle.extract.view import View
+from strokestyle.extract.view import View, _nearest_covered
 from strokestyle.extract.view_file import load_view, save_view, view_to_json
 from strokestyle.extract.visible import Fragments, look_along
 from strokestyle.geometry.curves import KINDS, Curves, arc_length, clip, is_kind
@@ -223,6 +224,16 @@ def test_at_curves_far_from_the_shape_and_without_one(view):
     values = View(view.camera, view.curves, nothing).at_curves(names)
     assert (values == [1, 0, 1]).all()
     assert view.at_curves(names, np.zeros((0, 2))).shape == (0, 3)
+
+
+@pytest.mark.parametrize("share", [0.0003, 0.03, 0.5])
+def test_the_nearest_covered_pixel_is_that_of_a_distance_transform(share):
+    covered = np.random.default_rng(5).random((60, 70)) < share
+    covered[50, 20] = True
+    row, column = np.nonzero(~covered)
+    found = _nearest_covered(covered, row, column)
+    _, every = distance_transform_edt(~covered, return_indices=True)
+    np.testing.assert_array_equal(found, every[:, row, column])
 
 
 def test_at_curves_rounds_to_the_pixel_under_the_point(view):

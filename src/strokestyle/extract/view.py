@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from ..geometry.curves import Curves, arc_length, owner, stretches
 from ..geometry.parts import Parts
@@ -18,6 +17,7 @@ from .feature_maps import NORMAL_MAPS, FeatureMaps
 
 DEPTH_STEP = 0.01  # of the depth: a jump, not a slope
 FRONT_REACH = 2  # px, how far from a line the part in front is looked for
+RIM_REACH = 6  # px, how far from a line that missed the shape its rim is looked for at once
 
 
 @dataclass(frozen=True)
@@ -142,12 +142,7 @@ class View:
             return np.broadcast_to(background, (len(xy), len(maps))).copy()
         row, column = self._front_pixels(xy)
         lost = ~self.maps.covered[row, column]
-        if lost.any():
-            _, (to_row, to_column) = distance_transform_edt(~self.maps.covered, return_indices=True)
-            row, column = (
-                np.where(lost, to_row[row, column], row),
-                np.where(lost, to_column[row, column], column),
-            )
+        row[lost], column[lost] = _nearest_covered(self.maps.covered, row[lost], column[lost])
         return self.maps.values[np.array(maps)[:, None], row, column].T
 
     def _front_pixels(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -174,6 +169,31 @@ class View:
         row = np.where(moved, np.take_along_axis(near_row, best, 1)[:, 0], row)
         column = np.where(moved, np.take_along_axis(near_column, best, 1)[:, 0], column)
         return row, column
+
+
+def _nearest_covered(
+    covered: np.ndarray, row: np.ndarray, column: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find for pixels (N,) the nearest one that is covered; of equals the first by column, row.
+
+    `covered` (H, W) bool holds at least one. Most lie by the rim: only where none is found within
+    RIM_REACH px, the distance to every pixel is worked out.
+    """
+    dy, dx = _disc(RIM_REACH)
+    order = np.lexsort((dy, dx, dx * dx + dy * dy))
+    dy, dx = dy[order], dx[order]
+    around = np.pad(covered, RIM_REACH)[
+        row[:, None] + (RIM_REACH + dy), column[:, None] + (RIM_REACH + dx)
+    ]
+    first = around.argmax(axis=1)
+    to_row, to_column = row + dy[first], column + dx[first]
+    far = ~around.any(axis=1)
+    if far.any():
+        from scipy.ndimage import distance_transform_edt
+
+        _, every = distance_transform_edt(~covered, return_indices=True)
+        to_row[far], to_column[far] = every[:, row[far], column[far]]
+    return to_row, to_column
 
 
 def _disc(radius: int) -> tuple[np.ndarray, np.ndarray]:
