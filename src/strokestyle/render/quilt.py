@@ -7,6 +7,7 @@ cuts (`lay_runs`). After Efros and Freeman 2001, along one dimension.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -37,6 +38,7 @@ from .texture_bank import (
 NODE = 4  # px between the choices along a new stroke
 STEP = NODE * ROWS  # the same in rows
 CANDIDATES = 24  # source rows weighed at every choice
+GROUPS = 64  # of source rows, whose lowest costs bound those of the candidates
 RANDOMNESS = 0.3  # mean of what chance adds to a source's cost
 
 # Costs of laying a source row on a new one
@@ -56,7 +58,7 @@ STRIP_OVER_COST = 4.0  # where the strip ended
 
 FEATHER = 3.0  # rows over which two runs fade into each other at a cut
 HALF_CUT = 4  # px to either side of a joint within which the least-error cut is sought
-CHUNK = 8192  # rows that are copied at a time
+CHUNK = 1024  # rows that are copied at a time: what is worked out of them stays in cache
 
 
 def synthesise(
@@ -196,8 +198,26 @@ def _cheapest_sources(
         cost += RANDOMNESS * chance.standard_exponential(cost.shape, np.float32)
         if barred is not None:
             cost[barred[part]] += 1e6
-        near[part] = np.argpartition(cost, few - 1, axis=1)[:, :few]
+        near[part] = _lowest(cost, few)
     return near
+
+
+def _lowest(cost: np.ndarray, few: int) -> np.ndarray:
+    """The columns (K, few) where each row of costs (K, T) is lowest, in any order.
+
+    No more than the lowest of the lowest of GROUPS groups has to be sorted out.
+    """
+    each = cost.shape[1] // GROUPS
+    if few > GROUPS or each < 2:
+        return np.argpartition(cost, few - 1, axis=1)[:, :few]
+    least = cost[:, : GROUPS * each].reshape(len(cost), GROUPS, each).min(axis=2)
+    enough = np.partition(least, few - 1, axis=1)[:, few - 1 : few]
+    row, column = np.divmod(np.flatnonzero(cost <= enough), cost.shape[1])
+    begin = np.searchsorted(row, np.arange(len(cost) + 1))
+    left = np.full((len(cost), np.diff(begin).max()), np.inf, cost.dtype)
+    place = np.arange(len(row)) - begin[row]
+    left[row, place] = cost[row, column]
+    return column[begin[:-1, None] + np.argpartition(left, few - 1, axis=1)[:, :few]]
 
 
 def _followers(strip: np.ndarray) -> np.ndarray:
@@ -321,50 +341,62 @@ class _Lattice:
     source: np.ndarray
     follows: np.ndarray
 
+    @functools.cached_property
+    def _laid_near(self) -> np.ndarray:
+        """The cost (K, W) of laying the candidates of each node on it."""
+        return self._laid(self.near, np.arange(len(self.near)))
+
+    @functools.cached_property
+    def _size(self) -> np.ndarray:
+        """The squared norm (T,) of the appearance of each source row."""
+        return np.square(self.appearance).sum(axis=1)
+
     def _laid(self, rows: np.ndarray, node: np.ndarray) -> np.ndarray:
         """The cost (B, W) of laying source rows (B, W) on nodes (B,)."""
         return np.einsum("bwd,bd->bw", self.source[rows], self.target[node])
 
     def begin(self, node: np.ndarray) -> _Layer:
         """The layer of the strokes' first nodes (B,)."""
-        rows = self.near[node]
-        return _Layer(rows, self._laid(rows, node), None)
+        return _Layer(self.near[node], self._laid_near[node].astype(np.float64), None)
 
     def extend(self, before: _Layer, node: np.ndarray) -> _Layer:
         """The layer of the next nodes (B,); strokes beyond these are over."""
         last, total = before.rows[: len(node)], before.total[: len(node)]
         following = self.follows[last]
-        rows = np.concatenate(
-            [self.near[node], self._cheapest_following(following, total, node)], axis=1
-        )
-        reach = self._joint_costs(last, following, rows)
-        reach += total[:, :, None]
+        onward, laid = self._cheapest_following(following, total, node)
+        rows = np.concatenate([self.near[node], onward], axis=1)
+        reach = self._joint_costs(last, following, rows) + total[:, :, None]
         back = reach.argmin(axis=1)
         reached = np.take_along_axis(reach, back[:, None], axis=1)[:, 0]
-        return _Layer(rows, reached + self._laid(rows, node), back)
+        reached += np.concatenate([self._laid_near[node], laid], axis=1)
+        return _Layer(rows, reached, back)
 
     def _cheapest_following(
         self, following: np.ndarray, total: np.ndarray, node: np.ndarray
-    ) -> np.ndarray:
-        """The W rows (B, W) that are reached most cheaply by going on; candidates for want."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The W rows (B, W) that are reached most cheaply by going on; candidates for want.
+
+        Then the cost (B, W) of laying them.
+        """
         few = self.near.shape[1]
-        cost = self._laid(following, node) + total
-        cost[following < 0] = np.inf
+        laid = self._laid(following, node)
+        cost = np.where(following < 0, np.inf, laid + total)
         best = np.argpartition(cost, few - 1, axis=1)[:, :few]
         rows = np.take_along_axis(following, best, axis=1)
-        return np.where(rows < 0, self.near[node], rows)
+        over = rows < 0
+        rows = np.where(over, self.near[node], rows)
+        return rows, np.where(over, self._laid_near[node], np.take_along_axis(laid, best, axis=1))
 
     def _joint_costs(self, last: np.ndarray, following: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """The cost (B, V, W) of a joint between each of `last` (B, V) and each of `rows` (B, W)."""
         over = following < 0
-        x = self.appearance[np.where(over, last, following)]
-        y = self.appearance[rows]
-        seen = (
-            np.square(x).sum(axis=2)[:, :, None]
-            + np.square(y).sum(axis=2)[:, None]
-            - 2.0 * x @ y.swapaxes(1, 2)
-        )
-        cost = JUMP_COST + SEEN_COST * np.maximum(seen, 0.0) + STRIP_OVER_COST * over[:, :, None]
+        x = np.where(over, last, following)
+        seen = self.appearance[x] @ self.appearance[rows].swapaxes(1, 2)
+        seen *= -2.0
+        seen += self._size[x][:, :, None] + self._size[rows][:, None]
+        cost = np.maximum(seen, 0.0, out=seen)
+        cost *= SEEN_COST
+        cost += (JUMP_COST + STRIP_OVER_COST * over)[:, :, None]
         cost[following[:, :, None] == rows[:, None]] = 0.0
         return cost
 
