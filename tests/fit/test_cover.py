@@ -28,7 +28,7 @@ def both(xy, thickness, offsets):
     (theirs * torch.tensor(weight)).sum().backward()
     cover = cover_strokes(xy, thickness, offsets, SIZE, SIZE)
     ours = np.zeros(SIZE * SIZE, np.float32)
-    ours[cover.pixel] = cover.value
+    ours[cover.full], ours[cover.pixel] = 1, cover.value
     pulled = cover.pull(weight.ravel()[cover.pixel])
     image = theirs.detach().numpy()
     return (image, a.grad.numpy(), b.grad.numpy()), (ours.reshape(SIZE, SIZE), *pulled)

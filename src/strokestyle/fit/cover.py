@@ -2,7 +2,8 @@
 
 What `render.coverage` computes for the paper's networks, which says how; here for one image on the
 CPU, with the derivatives written out. A test holds both to the same numbers. Importing torch takes
-longer than tracing a drawing does.
+longer than tracing a drawing does. A pixel that lies wholly under one segment, as most do, is only
+noted: whatever else touches it, it is full, and no small move changes that.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 REACH = 0.75  # px: an edge farther than sqrt(1/2) from a pixel's centre does not touch the pixel
+FULL = 0.708  # px, just beyond sqrt(1/2): nor does one this far outside it, which leaves it full
 SLACK = 1e-3  # px by which slabs and cones overlap, so that rounding leaves no pixel between them
 FAR = 1e9  # px: no edge at all
 SEEN_RADIUS = 0.01  # px by which strokes are looked for as if thicker: one of no thickness can grow
@@ -49,6 +51,15 @@ class _Elements(NamedTuple):
     def reach(self) -> np.ndarray:
         """How far from the centre line a pixel's centre may lie to be touched, (E,) px."""
         return self.table[4] + np.maximum(self.table[5], 0) + np.float32(REACH)
+
+    def core(self, length: np.ndarray) -> np.ndarray:
+        """How far from a slab's centre line all pixels are full, (S,) px; below 0, none is.
+
+        `length` (S,) px is the segments'.
+        """
+        _, _, _, _, radius, taper = self.table[:, : len(length)]
+        incline = taper / np.maximum(length, np.float32(TINY))
+        return radius + np.minimum(taper, 0) - FULL * np.sqrt(1 + incline * incline)
 
     def pulled(self, gradient: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
         """Turn derivatives by the table (6, E) into such by xy (N, 2) and radius (N,)."""
@@ -131,10 +142,12 @@ class Cover:
 
     Parameters
     ----------
-    pixel : (Q,) their numbers, row by row
+    full : (R,) numbers, row by row, of pixels that lie wholly under a segment
+    pixel : (Q,) those of others
     value : (Q,) float32, in [0, 1]
     """
 
+    full: np.ndarray
     pixel: np.ndarray
     value: np.ndarray
     _elements: _Elements
@@ -185,7 +198,11 @@ def cover_strokes(
     height, width : canvas in pixels; strokes may lie partly or wholly outside
     """
     elements = _Elements.of(xy, 0.5 * np.maximum(thickness, 0), offsets)
-    pairs = _look(elements, *_near(elements, offsets, height, width), width)
+    near = _near(elements, offsets, height, width)
+    full = np.zeros(height * width, bool)
+    full[near.full] = True
+    open_ = np.flatnonzero(~full[near.pixel])
+    pairs = _look(elements, near.element[open_], near.pixel[open_], width)
     cover = pairs.cover(SEEN_RADIUS)
     touched = np.flatnonzero(cover > 0)
     pairs, cover = pairs.take(touched), cover[touched]
@@ -198,7 +215,7 @@ def cover_strokes(
     a, b = value[crossed], value[len(first) :]
     value = value[: len(first)]
     value[crossed], slope[crossed], slope[len(first) :] = _union(a, b, cosine[crossed])
-    return Cover(pixel, value, elements, chosen, slope)
+    return Cover(np.flatnonzero(full), pixel, value, elements, chosen, slope)
 
 
 def _look(elements: _Elements, element: np.ndarray, pixel: np.ndarray, width: int) -> _Pairs:
@@ -308,13 +325,19 @@ class _Strip(NamedTuple):
         return np.clip(np.minimum(a, b), -FAR, FAR), np.clip(np.maximum(a, b), -FAR, FAR)
 
 
-def _near(
-    elements: _Elements, offsets: np.ndarray, height: int, width: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """(element, pixel) for every pixel within an element's slab or cone and in reach of its edge.
+class _Near(NamedTuple):
+    """Pairs of elements (P,) and pixels (P,) in reach of their edges, and full pixels (R,)."""
+
+    element: np.ndarray
+    pixel: np.ndarray
+    full: np.ndarray
+
+
+def _near(elements: _Elements, offsets: np.ndarray, height: int, width: int) -> _Near:
+    """Find the pixels within the slab or cone of an element, and in reach of it.
 
     An element is an intersection of two strips, and of a disc where it is no slab, so in one row
-    of pixels it is an interval.
+    of pixels it is an interval. In the middle of a slab's are those that are full.
     """
     count = len(elements.begin)
     tangent, length = _directions(elements.table[2:4, :count].T, elements.stroke[:count])
@@ -331,12 +354,28 @@ def _near(
     (left1, right1), (left2, right2) = (strip.interval(dy) for strip in fields)
     disc = disc.take(element)
     chord = np.sqrt(np.maximum(disc * disc - dy * dy, 0))
-    left = np.maximum(np.maximum(left1, left2), -chord) + x
-    right = np.minimum(np.minimum(right1, right2), chord) + x
-    begin = np.clip(np.ceil(left - np.float32(0.5 + SLACK)), 0, width).astype(np.int64)
-    end = np.clip(np.floor(right - np.float32(0.5 - SLACK)), -1, width - 1).astype(np.int64)
-    pick, column = _expand(np.maximum(end - begin + 1, 0))
-    return element[pick], (row * width + begin)[pick] + column
+    left, right = np.maximum(left1, -chord), np.minimum(right1, chord)
+    begin, end = _columns(np.maximum(left, left2) + x, np.minimum(right, right2) + x, width)
+    core = np.full(len(elements.stroke), -FAR, np.float32)  # a cone has none
+    core[:count] = elements.core(length)
+    core = core.take(element)
+    left2, right2 = fields[1]._replace(low=-core, high=core).interval(dy)
+    left, right = np.maximum(left, left2) + x, np.minimum(right, right2) + x
+    first, last = _columns(np.where(core > 0, left, FAR), right, width)
+    inner = np.maximum(last - first, 0)
+    before = np.where(inner > 0, first, end) - begin
+    pick, column = _expand(end - begin - inner)
+    column += np.where(column >= before[pick], inner[pick], 0)
+    start = row * width + begin
+    within, place = _expand(inner)
+    return _Near(element[pick], start[pick] + column, (row * width + first)[within] + place)
+
+
+def _columns(left: np.ndarray, right: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels of a row whose centres lie from x to x: the first, and that after the last."""
+    first = np.clip(np.ceil(left - np.float32(0.5 + SLACK)), 0, width).astype(np.int64)
+    last = np.clip(np.floor(right - np.float32(0.5 - SLACK)), -1, width - 1).astype(np.int64)
+    return first, np.maximum(last + 1, first)
 
 
 def _directions(vector: np.ndarray, stroke: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

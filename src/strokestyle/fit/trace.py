@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from ..drawing.strokes import Strokes
 from ..render.config import HAIR
@@ -61,11 +60,13 @@ class MaskPyramid:
     corner : (2,) px, x and y of the crop in the mask
     masks : per level, (h, w) float32
     weights : per level, (h, w) float32, of a pixel's error; their mean over the ink is 1
+    missing : the weighed errors of the first level where nothing is drawn, summed
     """
 
     corner: np.ndarray
     masks: tuple[np.ndarray, ...]
     weights: tuple[np.ndarray, ...]
+    missing: float
 
     @classmethod
     def of(cls, mask: np.ndarray, xy: np.ndarray, levels: int) -> MaskPyramid:
@@ -74,8 +75,10 @@ class MaskPyramid:
         x0, y0 = np.maximum(np.floor(xy.min(axis=0)).astype(int) - CROP_MARGIN, 0)
         x1, y1 = np.ceil(xy.max(axis=0)).astype(int) + CROP_MARGIN
         crop = mask[y0 : min(y1, height), x0 : min(x1, width)].astype(np.float32)
-        weights = pyramid(_ink_weight(crop), levels)
-        return cls(np.array([x0, y0], float), pyramid(crop, levels), weights)
+        weight = _ink_weight(crop)
+        missing = float((crop * weight).sum(dtype=np.float64))
+        masks, weights = pyramid(crop, levels), pyramid(weight, levels)
+        return cls(np.array([x0, y0], float), masks, weights, missing)
 
     def loss(
         self, xy: np.ndarray, thickness: np.ndarray, offsets: np.ndarray
@@ -86,22 +89,27 @@ class MaskPyramid:
         """
         height, width = self.masks[0].shape
         cover = cover_strokes(xy - self.corner, thickness, offsets, height, width)
-        drawn = np.zeros(height * width, np.float32)
-        drawn[cover.pixel] = cover.value
+        drawn = np.zeros((height, width), np.float32)
+        drawn.ravel()[cover.full] = 1
+        drawn.ravel()[cover.pixel] = cover.value
         scale = 1 / (len(self.masks) * max(float(self.masks[0].sum()), 1.0))
-        total, pulls = 0.0, []
-        images = pyramid(drawn.reshape(height, width), len(self.masks))
-        for level, (image, mask, weight) in enumerate(
-            zip(images, self.masks, self.weights, strict=True)
-        ):
-            error = image - mask
-            weight = weight * np.float32(4**level * scale)
+        # at full size only pixels with ink are looked at: what the others miss does not change
+        inked = np.concatenate([cover.pixel, cover.full])
+        mask, weight = self.masks[0].ravel()[inked], self.weights[0].ravel()[inked]
+        error = drawn.ravel()[inked] - mask
+        gain = ((np.abs(error) - mask) * weight).sum(dtype=np.float64)
+        total = scale * (self.missing + float(gain))
+        pull = (np.sign(error) * weight * np.float32(scale))[: len(cover.pixel)]
+        pulls = []
+        images = pyramid(drawn, len(self.masks))
+        for level in range(1, len(self.masks)):
+            error = images[level] - self.masks[level]
+            weight = self.weights[level] * np.float32(4**level * scale)
             total += float((np.abs(error) * weight).sum(dtype=np.float64))
             pulls.append(np.sign(error) * weight)
-        pull = pulls[0].ravel()[cover.pixel]
-        if len(pulls) > 1:
+        if pulls:
             row = cover.pixel // width
-            coarse = _back(pulls[1:])
+            coarse = _back(pulls)
             pull = (
                 pull
                 + _share(row >> 1, height)
@@ -170,7 +178,14 @@ def _halved(image: np.ndarray) -> np.ndarray:
 
 def _blurred(image: np.ndarray) -> np.ndarray:
     """Means of 3 x 3 pixels, of which those outside are 0."""
-    return ndimage.uniform_filter(image, 3, mode="constant")
+    padded = np.zeros(np.add(image.shape, 2), image.dtype)
+    padded[1:-1, 1:-1] = image
+    rows = padded[:-2] + padded[1:-1]
+    rows += padded[2:]
+    out = rows[:, :-2] + rows[:, 1:-1]
+    out += rows[:, 2:]
+    out *= np.float32(1 / 9)
+    return out
 
 
 @dataclass(frozen=True)
