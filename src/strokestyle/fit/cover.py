@@ -99,9 +99,6 @@ class _Pairs(NamedTuple):
     major: np.ndarray
     minor: np.ndarray
 
-    def take(self, rows: np.ndarray) -> _Pairs:
-        return _Pairs(*(a.take(rows) for a in self))
-
     def cover(self, extra: float = 0.0) -> np.ndarray:
         """Cover of the pixels by the elements (P,), their radius larger by `extra` px."""
         outer, inner = self._inside(extra)
@@ -138,12 +135,12 @@ class _Pairs(NamedTuple):
 
 @dataclass(frozen=True)
 class Cover:
-    """How much of the pixels with ink lies under strokes.
+    """How much of the pixels lies under strokes; of those not named, nothing.
 
     Parameters
     ----------
     full : (R,) numbers, row by row, of pixels that lie wholly under a segment
-    pixel : (Q,) those of others
+    pixel : (Q,) those of others near strokes
     value : (Q,) float32, in [0, 1]
     """
 
@@ -152,6 +149,7 @@ class Cover:
     value: np.ndarray
     _elements: _Elements
     _pairs: _Pairs
+    _place: np.ndarray
     _slope: np.ndarray
 
     def pull(self, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -160,7 +158,7 @@ class Cover:
         Normals are constants: to first order an edge moves the area by its own shift alone.
         """
         pairs, elements = self._pairs, self._elements
-        pull = np.concatenate([gradient, gradient[self._crossed]]) * self._slope
+        pull = gradient[self._place] * self._slope
         by_radius, by_distance = (pull * slope for slope in pairs.slopes())
         ex, ey, taper = elements.table[[2, 3, 5]][:, pairs.element]
         square = np.maximum(ex * ex + ey * ey, 1e-12)
@@ -178,11 +176,6 @@ class Cover:
         table = np.stack([np.bincount(pairs.element, column, count) for column in columns])
         xy, radius = elements.pulled(table, count - len(elements.begin))
         return xy, 0.5 * radius
-
-    @property
-    def _crossed(self) -> np.ndarray:
-        """Which of the Q pixels have a second element: those after the first Q pairs."""
-        return np.searchsorted(self.pixel, self._pairs.pixel[len(self.pixel) :])
 
 
 def cover_strokes(
@@ -203,19 +196,25 @@ def cover_strokes(
     full[near.full] = True
     open_ = np.flatnonzero(~full[near.pixel])
     pairs = _look(elements, near.element[open_], near.pixel[open_], width)
-    cover = pairs.cover(SEEN_RADIUS)
-    touched = np.flatnonzero(cover > 0)
-    pairs, cover = pairs.take(touched), cover[touched]
-    first, second, cosine = _decisive(pairs, cover, elements, height * width)
-    pixel = pairs.pixel[first]
+    pixel, place = _places(pairs.pixel, height * width)
+    first, second, cosine = _decisive(pairs, place, len(pixel), elements)
+    covers = pairs.cover()
+    value, slope = covers[first], np.zeros_like(covers)
+    slope[first] = 1
     crossed = np.flatnonzero(second >= 0)
-    chosen = pairs.take(np.concatenate([first, second[crossed]]))
-    value = chosen.cover()
-    slope = np.ones_like(value)
-    a, b = value[crossed], value[len(first) :]
-    value = value[: len(first)]
-    value[crossed], slope[crossed], slope[len(first) :] = _union(a, b, cosine[crossed])
-    return Cover(np.flatnonzero(full), pixel, value, elements, chosen, slope)
+    one, other = first[crossed], second[crossed]
+    value[crossed], slope[one], slope[other] = _union(covers[one], covers[other], cosine[crossed])
+    return Cover(np.flatnonzero(full), pixel, value, elements, pairs, place, slope)
+
+
+def _places(pixel: np.ndarray, pixels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Number the pixels (P,) that there are: these, ordered (Q,), and where each is (P,)."""
+    there = np.zeros(pixels, bool)
+    there[pixel] = True
+    every = np.flatnonzero(there)
+    place = np.empty(pixels, np.int32)
+    place[every] = np.arange(len(every))
+    return every, place[pixel]
 
 
 def _look(elements: _Elements, element: np.ndarray, pixel: np.ndarray, width: int) -> _Pairs:
@@ -254,15 +253,17 @@ def _look(elements: _Elements, element: np.ndarray, pixel: np.ndarray, width: in
 
 
 def _decisive(
-    pairs: _Pairs, cover: np.ndarray, elements: _Elements, pixels: int
+    pairs: _Pairs, place: np.ndarray, places: int, elements: _Elements
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Choose, for each pixel with ink, the pair that covers it most and the one that adds most.
+    """Choose, for each of the pixels (Q,), the pair that covers it most and the one that adds most.
 
-    Returns the pairs (Q,), ordered by pixel, the second ones (Q,), -1 where there is none, and the
-    cosine (Q,) of the angle between the normals of both.
+    `place` (P,) says which pixel is a pair's, of so many `places`. Returns the pairs (Q,), the
+    second ones (Q,), -1 where there is none, and the cosine (Q,) of the angle between the normals
+    of both.
     """
-    first = _best(cover, pairs.pixel, pixels)
-    mine = first[pairs.pixel]
+    cover = pairs.cover(SEEN_RADIUS)
+    first = _best(cover, place, places)
+    mine = first[place]
     # what is alone in its pixel, as most are, has no rival
     rivals = np.flatnonzero(mine != np.arange(len(mine)))
     mine = mine[rivals]
@@ -274,13 +275,12 @@ def _decisive(
     one, other = pairs.element[rivals], pairs.element[mine]
     rounding = (elements.stroke[one] == elements.stroke[other]) & ~((one < slabs) & (other < slabs))
     keep = np.flatnonzero((extra > MIN_EXTRA) & ~rounding)
-    best = _best(extra[keep], pairs.pixel[rivals[keep]], pixels)
-    inked = np.flatnonzero(first >= 0)
-    best = best[inked]
-    chosen = keep[best] if len(keep) else np.zeros(len(best), np.int64)
-    second = np.where(best >= 0, rivals[chosen] if len(rivals) else 0, -1)
-    between = cosine[chosen] if len(rivals) else np.zeros(len(best), np.float32)
-    return first[inked], second, between
+    best = _best(extra[keep], place[rivals[keep]], places)
+    crossed = np.flatnonzero(best >= 0)
+    second, between = np.full(places, -1), np.zeros(places, np.float32)
+    chosen = keep[best[crossed]]
+    second[crossed], between[crossed] = rivals[chosen], cosine[chosen]
+    return first, second, between
 
 
 def _best(value: np.ndarray, place: np.ndarray, places: int) -> np.ndarray:

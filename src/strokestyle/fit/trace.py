@@ -131,8 +131,8 @@ def _back(pulls: list[np.ndarray]) -> np.ndarray:
         if total.shape != pull.shape:
             height, width = pull.shape
             row, column = np.arange(height) >> 1, np.arange(width) >> 1
-            share = _share(row, height)[:, None] * _share(column, width)
-            total = share * total[row[:, None], column]
+            total = _share(row, height)[:, None] * total[row].repeat(2, axis=1)[:, :width]
+            total *= _share(column, width)
         total = total + _blurred(pull)  # it is its own transpose
     return total
 
