@@ -43,6 +43,7 @@ from strokestyle.fit.patches import crop
 FIR = (1.0, 3.0, 3.0, 1.0)
 NCE_LAYERS = (0, 2, 4)  # of the encoder: its input, half size, the second block after
 TEMPERATURE = 0.07
+BEYOND = 32  # px around a canvas, more than the generator sees
 
 
 @dataclass(frozen=True)
@@ -332,7 +333,7 @@ def train(
 def _crops(
     image: Tensor, maps: Tensor, where: PatchSampler, config: SinCutConfig, rng: np.random.Generator
 ) -> Crops:
-    """Crops of an image and its maps, shrunk alike, with curves in their middles; some mirrored."""
+    """Crops of an image and its maps, shrunk alike, where there are curves; some mirrored."""
     stack = torch.cat([2 * image - 1, maps], dim=1)
     shape = np.array(stack.shape[2:])
     shrunk = np.maximum(config.crop, shape * rng.uniform(1 / config.zoom, 1, 2)).round().astype(int)
@@ -358,9 +359,12 @@ def learn(lesson: Lesson, config: SinCutConfig, seed: int, device: str) -> Paint
     def paint(sheet: Sheet, seed: int) -> np.ndarray:
         plain, maps = shown(sheet, kind)
         height, width = plain.shape[2:]
-        canvas = widened(torch.cat([2 * plain - 1, maps], dim=1), 0, width % 2, 0, height % 2)
+        # ground around: what lies beyond a crop is 0, neither ground nor ink
+        right, bottom = BEYOND + width % 2, BEYOND + height % 2
+        canvas = widened(torch.cat([2 * plain - 1, maps], dim=1), BEYOND, right, BEYOND, bottom)
         with torch.no_grad(), luck(seed, kind):
-            return picture((generator(canvas)[:, :, :height, :width] + 1) / 2)
+            drawn = generator(canvas)[:, :, BEYOND:, BEYOND:][:, :, :height, :width]
+        return picture((drawn + 1) / 2)
 
     return paint
 

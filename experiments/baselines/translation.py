@@ -39,9 +39,9 @@ def picture(rgb: Tensor) -> np.ndarray:
 
 
 def places(sheet: Sheet, size: int) -> PatchSampler:
-    """Where patches of `size` px, or the largest that fit, have a curve in their centre."""
+    """Where patches of `size` px, or the largest that fit, hold a curve, be it at their borders."""
     (size,) = patch_sizes(sheet.view, (size,))
-    return PatchSampler({size: patch_corners(sheet.view, size)})
+    return PatchSampler({size: patch_corners(sheet.view, size, centre=1.0)})
 
 
 class Descent:

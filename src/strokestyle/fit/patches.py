@@ -20,14 +20,14 @@ def patch_sizes(view: View, sizes: tuple[int, ...]) -> list[int]:
     return sorted({min(size, largest) for size in sizes})
 
 
-def patch_corners(view: View, size: int) -> np.ndarray:
+def patch_corners(view: View, size: int, centre: float = CENTRE) -> np.ndarray:
     """Find all patches with a pixel of the plain curves in their centre: corners (P, 2), x, y.
 
-    Raises ValueError where there is none.
+    `centre` is that of a patch's side. Raises ValueError where there is none.
     """
     line = (view.maps["plain"] > 0.5).astype(np.int64)
     total = np.pad(line.cumsum(0).cumsum(1), ((1, 0), (1, 0)))  # summed area table
-    inner = max(1, round(size * CENTRE))
+    inner = max(1, round(size * centre))
     near = (size - inner) // 2
     height, width = line.shape
     y, x = np.mgrid[: height - size + 1, : width - size + 1]
