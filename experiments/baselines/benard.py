@@ -13,7 +13,8 @@ that of the lesson, over the patch. guides: rendered channels at its centre; the
 the screen, depth, whether the shape is there, how far the end of the line is. histogram: a place of
 the drawing that is copied more often than the average costs, else blank patches spread. Coarse to
 fine; at each level matches are searched, and patches vote on pixels (Wexler, Shechtman, Irani, CVPR
-2004) by turns. The term that holds frames of an animation together has nothing to do in a still.
+2004) by turns; at last each pixel is copied from its match. The term that holds frames of an
+animation together has nothing to do in a still.
 
 The paper says that its parameters are style specific, and Neural Strokes tuned them by hand for
 each style. Here one setting serves all styles; only the reach of the ink is taken from the drawing.
@@ -45,7 +46,6 @@ class Settings:
     distance : weight of a px (at 256) of difference in distance to the line, squared
     normal, depth, cover, end : weights of guides, of a whole unit squared
     histogram : what a place costs that is used twice as often as the average
-    spread : px, of the Gauss curve by which patches vote on the last image
     """
 
     radius: int = 2
@@ -58,7 +58,6 @@ class Settings:
     cover: float = 0.1
     end: float = 0.1
     histogram: float = 0.01
-    spread: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -149,6 +148,7 @@ def field_of(sheet: Sheet) -> Field:
     points, angles, ends = _fine_points(curves)
     rows, columns = np.mgrid[:high, :wide] + 0.5
     far, nearest = cKDTree(points).query(np.stack([columns, rows], -1))
+    far = np.minimum(far, wide + high)  # where there are no lines
     cover = maps.covered.astype(np.float32)
     if cover.any():  # beyond the shape, what is nearest on it
         inside = tuple(
@@ -177,6 +177,8 @@ def _fine_points(curves) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         points.append(np.stack(fine[:2], -1))
         angles.append(np.arctan2(fine[3], fine[2]))
         ends.append(np.full(len(s), np.inf) if curves.closed[i] else np.minimum(s, length[-1] - s))
+    if not len(curves):
+        return np.full((1, 2), 1e9), np.zeros(1), np.zeros(1)
     return np.concatenate(points), np.concatenate(angles), np.concatenate(ends)
 
 
@@ -233,10 +235,6 @@ class Search:
         across, down = self.offsets.astype(int).T
         self.patches = layers[y + down, x + across].astype(np.float32)
 
-    def begin(self, place: np.ndarray, turn: np.ndarray) -> Matches:
-        """Match given places."""
-        return self.matches(place, turn)
-
     def matches(self, place: np.ndarray, near: np.ndarray) -> Matches:
         """Match places, of both ways along the line that which is nearer to a turn."""
         cells = self.source.cells(place)
@@ -292,20 +290,32 @@ class Search:
             found.take(self.matches(found.place + shift, found.turn + half))
             radius /= 2
 
-    def vote(self, found: Matches, spread: float) -> np.ndarray:
-        """Average what patches want of each pixel, (H, W, 3).
+    def settle(self, found: Matches, rounds: int) -> Matches:
+        """Search and vote by turns."""
+        for _ in range(rounds):
+            self.image = self.vote(found)
+            self.look()
+            found = self.matches(found.place, found.turn)
+            for _ in range(self.settings.searches):
+                self.improve(found)
+        return found
 
-        spread : px, of the Gauss curve that a patch's pixels are weighed with
-        """
+    def copied(self, found: Matches) -> np.ndarray:
+        """Copy each pixel from its match, (H, W, 3)."""
+        image = self.image.copy()
+        image[tuple(self.band.yx.T)] = self.pixels[self.source.cells(found.place), :3]
+        return image
+
+    def vote(self, found: Matches) -> np.ndarray:
+        """Average what all patches around a pixel want of it, (H, W, 3)."""
         radius = self.settings.radius
         high, wide = self.band.number.shape
         total = np.zeros((high + 2 * radius, wide + 2 * radius, 4), np.float32)
         colours = self.pixels[self.source.cells(self.corners(found.place, found.turn)), :3]
         trust = np.exp(-found.cost / max(2 * float(np.quantile(found.cost, 0.75)), 1e-9))
-        falloff = np.exp(-(self.offsets**2).sum(-1) / (2 * spread**2))
         for i, (x, y) in enumerate(self.offsets.astype(int)):
             row, column = self.band.yx.T + radius + np.array([[y], [x]])
-            weight = (trust * falloff[i])[:, None]
+            weight = trust[:, None]
             total[row, column] += np.concatenate([weight * colours[:, i], weight], -1)
         row, column = self.band.yx.T
         image = self.image.copy()
@@ -362,29 +372,20 @@ def synthesise(
     """Draw the target as the source is drawn, (H, W, 3) float32."""
     rng = np.random.default_rng(seed)
     reach = reach_of(drawing, source.distance) * np.sqrt(settings.distance)
-    ground = ground_of(drawing)
-    image, guess = None, None
+    ground = ground_of(drawing).astype(np.float32)
+    image = np.tile(ground, (*target.distance.shape, 1))
+    guess = None
     for level, rounds in zip(range(settings.levels)[::-1], settings.rounds, strict=True):
         k = 2**level
-        here = level_of(target, k, settings)
-        there = level_of(source, k, settings)
+        here, there = level_of(target, k, settings), level_of(source, k, settings)
         band = band_of(here, reach)
         lesson = source_of(coarse(drawing, k).astype(np.float32), there, reach)
         if not len(band.yx) or not len(lesson.places):
             continue
-        blank = np.broadcast_to(ground, (*here.distance.shape, 3)).astype(np.float32).copy()
+        blank = np.tile(ground, (*here.distance.shape, 1))
         search = Search(lesson, band, blank, settings, rng)
-        found = _first_matches(search, guess)
-        for i in range(rounds):
-            search.image = search.vote(found, settings.radius)
-            search.look()
-            found = search.matches(found.place, found.turn)
-            for _ in range(settings.searches):
-                search.improve(found)
-        image = search.vote(found, settings.spread)
-        guess = (band, found)
-    if image is None:
-        return np.broadcast_to(ground, (*target.distance.shape, 3)).astype(np.float32)
+        found = search.settle(_first_matches(search, guess), rounds)
+        image, guess = search.copied(found), (band, found)
     return image
 
 
