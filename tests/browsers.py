@@ -5,6 +5,7 @@ from browser import NO_BROWSER, Browser
 from firefox import NO_FIREFOX, Firefox
 
 KINDS = {"chromium": (Browser, NO_BROWSER), "firefox": (Firefox, NO_FIREFOX)}
+in_browser = pytest.mark.skipif(NO_BROWSER is not None, reason=NO_BROWSER or "")
 # marks a test that is run in both; others are run in chromium
 in_both_browsers = pytest.mark.parametrize("browser", list(KINDS), indirect=True)
 

@@ -1,4 +1,5 @@
-"""What holds for all tests: how torch's threads wait, and that no skipped test goes unnoticed."""
+"""What holds for all tests: how torch's threads wait, the browsers that pages are tried in, and
+that no skipped test goes unnoticed."""
 
 import os
 from collections import Counter
@@ -14,6 +15,21 @@ import strokestyle.render  # noqa: E402, F401
 
 STRICT = "STROKESTYLE_STRICT_SKIPS"  # where this is set, a skip for any other reason fails the run
 ALLOWED_SKIPS = ("STROKESTYLE_SHARED is not set", "no CUDA device", "no program: ", "no browser: ")
+
+
+@pytest.fixture(scope="module")
+def browsers():
+    """The browsers of a module's tests, each started when it is first wanted."""
+    from browsers import Browsers
+
+    with Browsers() as running:
+        yield running
+
+
+@pytest.fixture
+def browser(browsers, request):
+    """The browser that a test is run in, as `in_both_browsers` says; else Chromium."""
+    return browsers.get(getattr(request, "param", "chromium"))
 
 
 def skip_reasons(config):

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from browser import NO_BROWSER, Browser
+from browsers import in_browser
 from command import refused, run
 from PIL import Image
 
@@ -218,29 +218,28 @@ def test_sizes_as_a_person_says_them():
     assert (megabytes(0), megabytes(12_300), megabytes(3_440_000)) == ("0 kB", "12 kB", "3.4 MB")
 
 
-@pytest.mark.skipif(NO_BROWSER is not None, reason=NO_BROWSER or "")
-def test_the_page_is_searched_sorted_and_filtered(batch, tmp_path):
+@in_browser
+def test_the_page_is_searched_sorted_and_filtered(batch, tmp_path, browser):
     made(batch, tmp_path / "report.html")
     visible = (
         "[...document.querySelectorAll('article')].filter((card) => !card.hidden)"
         ".map((card) => card.dataset.name.slice(3, 6))"
     )
-    with Browser() as browser:
-        browser.open(tmp_path / "report.html")
-        assert browser.run(visible) == [name[:3] for name in (*NAMES, "bad", "gon")]
-        browser.run("find('search').value = '日'; find('search').dispatchEvent(new Event('input'))")
-        assert browser.run(visible) == ["日本 "]
-        assert browser.run("find('shown').textContent") == "1 of 6"
-        browser.run("find('search').value = ''; find('search').dispatchEvent(new Event('input'))")
-        browser.run("document.querySelector('[data-show=failed]').click()")
-        assert browser.run(visible) == ["bad", "gon"]
-        browser.run("document.querySelector('[data-show=all]').click()")
-        sort = "find('sort').value = '{}'; find('sort').dispatchEvent(new Event('change'))"
-        browser.run(sort.format("memory"))  # what has none is last
-        assert browser.run(visible) == ["a?b", "日本 ", "\"'&", "<b>", "bad", "gon"]
-        browser.run("find('turn').click()")
-        assert browser.run(visible) == ["\"'&", "日本 ", "a?b", "<b>", "bad", "gon"]
-        loaded = "[...document.images].every((image) => image.complete && image.naturalWidth > 0)"
-        assert browser.run(loaded) and browser.run("window.harm") is None
-        assert browser.troubles() == []
-        assert all(url.startswith(("file:", "data:")) for url in browser.requests())
+    browser.open(tmp_path / "report.html")
+    assert browser.run(visible) == [name[:3] for name in (*NAMES, "bad", "gon")]
+    browser.run("find('search').value = '日'; find('search').dispatchEvent(new Event('input'))")
+    assert browser.run(visible) == ["日本 "]
+    assert browser.run("find('shown').textContent") == "1 of 6"
+    browser.run("find('search').value = ''; find('search').dispatchEvent(new Event('input'))")
+    browser.run("document.querySelector('[data-show=failed]').click()")
+    assert browser.run(visible) == ["bad", "gon"]
+    browser.run("document.querySelector('[data-show=all]').click()")
+    sort = "find('sort').value = '{}'; find('sort').dispatchEvent(new Event('change'))"
+    browser.run(sort.format("memory"))  # what has none is last
+    assert browser.run(visible) == ["a?b", "日本 ", "\"'&", "<b>", "bad", "gon"]
+    browser.run("find('turn').click()")
+    assert browser.run(visible) == ["\"'&", "日本 ", "a?b", "<b>", "bad", "gon"]
+    loaded = "[...document.images].every((image) => image.complete && image.naturalWidth > 0)"
+    assert browser.run(loaded) and browser.run("window.harm") is None
+    assert browser.troubles() == []
+    assert all(url.startswith(("file:", "data:")) for url in browser.requests())

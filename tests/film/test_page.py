@@ -8,8 +8,7 @@ import zlib
 
 import numpy as np
 import pytest
-from browser import NO_BROWSER
-from browsers import Browsers, in_both_browsers
+from browsers import in_both_browsers, in_browser
 from PIL import Image
 
 from strokestyle.drawing.strokes import Drawing, Strokes
@@ -17,7 +16,6 @@ from strokestyle.film.page import FilmPage
 from strokestyle.film.timing import rate_of
 from strokestyle.svg.write import write_svg
 
-in_browser = pytest.mark.skipif(NO_BROWSER is not None, reason=NO_BROWSER or "")
 SIZE, COUNT = (80, 60), 8
 HOSTILE = "</script><script>window.harm = 1</script>&\"'<b>"
 
@@ -36,17 +34,6 @@ def write(path, count=COUNT, held=1, loop=True, title="bars", ground=None, fps=1
             page.add(bar(i, **options), SIZE, held)
         page.write(path)
     return path
-
-
-@pytest.fixture(scope="module")
-def browsers():
-    with Browsers() as running:
-        yield running
-
-
-@pytest.fixture
-def browser(browsers, request):
-    return browsers.get(getattr(request, "param", "chromium"))
 
 
 @pytest.fixture

@@ -10,8 +10,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from browser import NO_BROWSER
-from browsers import Browsers, in_both_browsers
+from browsers import in_both_browsers, in_browser
 from command import refused, run
 from PIL import Image
 
@@ -30,7 +29,6 @@ SIZE = (160, 120)
 TEXTURES = (None, "grain", "colours")
 NAMES = "abcde"
 HOSTILE = "</script><script>window.harm = 1</script><img src=x onerror='window.harm = 2'>&\"'"
-in_browser = pytest.mark.skipif(NO_BROWSER is not None, reason=NO_BROWSER or "")
 
 
 def write_svg(*drawn, **options):
@@ -177,17 +175,6 @@ def test_what_cannot_be_shown_gets_one_line(tmp_path):
 
 
 # ----------------------------------------------------------------------------------- in the browser
-
-
-@pytest.fixture(scope="module")
-def browsers():
-    with Browsers() as running:
-        yield running
-
-
-@pytest.fixture
-def browser(browsers, request):
-    return browsers.get(getattr(request, "param", "chromium"))
 
 
 @pytest.fixture
