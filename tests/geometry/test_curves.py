@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from strokestyle.geometry import curves as curves_module
 from strokestyle.geometry.curves import (  # fmt: skip
     KINDS,
     Curves,
     arc_length,
+    blocks,
     blurred,
     counting,
     is_kind,
@@ -106,7 +108,7 @@ def test_what_is_no_curves_is_refused(parts, word):
         Curves(*parts)
 
 
-def test_simplify_all_keeps_of_each_what_simplify_keeps():
+def test_simplify_all_keeps_of_each_what_simplify_keeps(monkeypatch):
     rng = np.random.default_rng(0)
     lines = [np.cumsum(rng.normal(size=(n, 2)), axis=0) for n in (2, 3, 40, 200)] + [
         np.zeros((5, 2))
@@ -119,6 +121,19 @@ def test_simplify_all_keeps_of_each_what_simplify_keeps():
     apart = simplify_all(np.concatenate(lines), offsets, np.r_[0.8, 0.8, 5.0, 0.8, 0.8, 0.8])
     assert apart[offsets[2] : offsets[3]].sum() < keep[offsets[2] : offsets[3]].sum()
     assert simplify_all(np.zeros((0, 2)), np.zeros(1, int), 1.0).shape == (0,)
+    monkeypatch.setattr(curves_module, "CACHED", 5)  # a block for nearly every line
+    in_blocks = simplify_all(np.concatenate(lines), offsets, np.r_[0.8, 0.8, 5.0, 0.8, 0.8, 0.8])
+    np.testing.assert_array_equal(in_blocks, apart)
+
+
+@pytest.mark.parametrize("size", [1, 3, 4, 7, 100])
+def test_blocks_hold_every_piece_once_and_about_as_many_rows(size):
+    offsets = np.cumsum([0, 2, 0, 3, 1, 9, 1, 1, 0, 4])
+    few = blocks(offsets, size)
+    assert [i for part in few for i in range(9)[part]] == list(range(9))
+    rows = [offsets[part.stop] - offsets[part.start] for part in few]
+    assert max(rows) < 1.5 * size + 9
+    assert blocks(np.zeros(1, int), size) == []
 
 
 def test_a_blur_keeps_straight_lines_and_ends_and_shrinks_a_circle_as_the_formula_says():

@@ -15,6 +15,7 @@ from .kinds import KINDS
 DEFAULT_SPACING = 3.0  # px between curve points, as in the code of Liu et al. 2021
 SAME_POINT = 1e-6  # px; nearer points are one
 MIN_EXTENT = 1e-6  # px; a clipped curve of less width and height is but a point
+CACHED = 1 << 16  # points whose numbers stay in a core's cache while they are worked on
 
 
 @dataclass(frozen=True)
@@ -372,10 +373,31 @@ def simplify_all(xy: np.ndarray, offsets: np.ndarray, tolerance: float | np.ndar
     offsets : (C+1,) int
     tolerance : in units of xy; one, or one a polyline (C,)
     """
+    slack = np.broadcast_to(np.asarray(tolerance, np.float64), (len(offsets) - 1,))
+    keep = np.zeros(len(xy), bool)
+    for few in blocks(offsets, CACHED):
+        begin, end = offsets[few.start], offsets[few.stop]
+        own = np.asarray(offsets[few.start : few.stop + 1]) - begin
+        keep[begin:end] = _simplified(xy[begin:end], own, slack[few])
+    return keep
+
+
+def blocks(offsets: np.ndarray, size: int) -> list[slice]:
+    """Divide pieces offsets[i]:offsets[i+1] into runs of them that have about `size` rows each.
+
+    What is worked out of so few rows stays in a core's cache: of many it is written to memory and
+    read again at each step.
+    """
+    cuts = np.searchsorted(offsets, np.arange(size, offsets[-1] - size // 2, size))
+    ends = np.unique(np.r_[0, cuts, len(offsets) - 1])
+    return [slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)]
+
+
+def _simplified(xy: np.ndarray, offsets: np.ndarray, slack: np.ndarray) -> np.ndarray:
+    """What `simplify_all` keeps (N,) bool of a block of polylines, each with its slack (C,)."""
     keep = np.zeros(len(xy), bool)
     keep[offsets[:-1]] = keep[offsets[1:] - 1] = True
-    slack = np.broadcast_to(np.asarray(tolerance, np.float64), (len(offsets) - 1,))
-    a, b = np.asarray(offsets[:-1]), np.asarray(offsets[1:]) - 1
+    a, b = offsets[:-1], offsets[1:] - 1
     columns = np.ascontiguousarray(np.asarray(xy, np.float64).T)
     while True:
         wide = b - a > 1

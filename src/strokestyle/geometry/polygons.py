@@ -114,8 +114,11 @@ def areas(xy: np.ndarray, offsets: np.ndarray) -> np.ndarray:
 
     Polygon i is rows offsets[i]:offsets[i+1] of `xy` (M, 2).
     """
-    after = following(len(xy), offsets)
-    cross = np.r_[0.0, np.cumsum(xy[:, 0] * xy[after, 1] - xy[:, 1] * xy[after, 0])]
+    (x, y), some = xy.T, np.flatnonzero(np.diff(offsets))
+    after_x, after_y = np.roll(x, -1), np.roll(y, -1)
+    first, last = offsets[:-1][some], offsets[1:][some] - 1
+    after_x[last], after_y[last] = x[first], y[first]
+    cross = np.r_[0.0, np.cumsum(x * after_y - y * after_x)]
     return 0.5 * np.diff(cross[offsets])
 
 
@@ -157,13 +160,9 @@ class _Grids:
     wraps: np.ndarray
     level: np.ndarray
 
-    def of_row(self, row: np.ndarray) -> np.ndarray:
-        """The grid that each row is of."""
-        return np.searchsorted(self.offsets, row, side="right") - 1
-
     def cells(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Find the cells that the level passes through: row (n,), column (n,), and case (n,)."""
-        level = np.repeat(self.level, np.diff(self.offsets)).astype(self.field.dtype)
+        level = self.by_row(self.level).astype(self.field.dtype)
         above = (self.field > level[:, None]).view(np.uint8)
         case = above[:-1, :-1] + 2 * above[:-1, 1:] + 4 * above[1:, 1:] + 8 * above[1:, :-1]
         case[self.offsets[1:-1] - 1] = 0  # between two grids
@@ -171,36 +170,57 @@ class _Grids:
         row, column = np.divmod(cell, self.field.shape[1] - 1)
         return row, column, self._resolve(row, column, case.reshape(-1)[cell].astype(np.int64))
 
+    def by_row(self, values: np.ndarray) -> np.ndarray:
+        """Values (C,) of the grids, for each row (H,)."""
+        return np.repeat(values, np.diff(self.offsets))
+
     def _resolve(self, row: np.ndarray, column: np.ndarray, case: np.ndarray) -> np.ndarray:
         """Join opposite corners where the middle of their cell lies above the level."""
         saddle = np.flatnonzero((case == 5) | (case == 10))
         r, c, field = row[saddle], column[saddle], self.field
         middle = 0.25 * (field[r, c] + field[r, c + 1] + field[r + 1, c] + field[r + 1, c + 1])
-        joined = saddle[middle > self.level[self.of_row(r)]]
+        joined = saddle[middle > self.by_row(self.level)[r]]
         case[joined] = np.where(case[joined] == 5, 16, 17)
         return case
 
-    def sides(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-        """Number the edges at the left, top, right and bottom of cells, (n, 4)."""
+    def walks(self) -> tuple[np.ndarray, np.ndarray]:
+        """Find the edges (M,) by which lines come into cells, and those by which they leave."""
+        row, column, case = self.cells()
+        twice = np.flatnonzero(CASES[case, 2] >= 0)
+        enter, leave = (
+            np.r_[
+                self.edges(row, column, CASES[:, way][case]),
+                self.edges(row[twice], column[twice], CASES[case[twice], way + 2]),
+            ]
+            for way in (0, 1)
+        )
+        return enter, leave
+
+    def edges(self, row: np.ndarray, column: np.ndarray, side: np.ndarray) -> np.ndarray:
+        """Number the edges (n,) at a side of each cell."""
         height, width = self.field.shape
-        grid = self.of_row(row)
-        wrapped = self.wraps[grid] & (row == self.offsets[grid + 1] - 2)
-        below = np.where(wrapped, self.offsets[grid], row + 1)
-        here, upright = row * width + column, height * width
-        sides = [upright + here, here, upright + here + 1, below * width + column]
-        return np.stack(sides, axis=1)
+        upright = height * width
+        from_corner = np.zeros(4, np.int64)
+        from_corner[[LEFT, TOP, RIGHT, BOTTOM]] = upright, 0, upright + 1, width
+        edge = row * width + column + from_corner[side]
+        if self.wraps.any():  # beneath the last cells lies the first row
+            ends = self.offsets[1:][self.wraps] - 2
+            back = np.zeros(height, np.int64)
+            back[ends] = (ends + 1 - self.offsets[:-1][self.wraps]) * width
+            edge -= np.where(side == BOTTOM, back[row], 0)
+        return edge
 
     def crossings(self, edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Find where the level crosses edges (M,): (row, column) of each (M, 2), and its grid."""
+        """Find where the level crosses edges (M,): (row, column) of each (M, 2), and its row."""
         height, width = self.field.shape
-        lies = edge < height * width
-        row, column = np.divmod(np.where(lies, edge, edge - height * width), width)
-        grid = self.of_row(row)
-        begin = self.field[row, column]
-        after = np.minimum(row + ~lies, height - 1), np.minimum(column + lies, width - 1)
-        t = (self.level[grid] - begin) / (self.field[after] - begin)
+        lies, values = edge < height * width, self.field.reshape(-1)
+        corner = np.where(lies, edge, edge - height * width)
+        row, column = np.divmod(corner, width)
+        begin = values.take(corner)
+        other = values.take(corner + np.where(lies, 1, width))
+        t = (self.by_row(self.level)[row] - begin) / (other - begin)
         points = [row + np.where(lies, 0.0, t), column + np.where(lies, t, 0.0)]
-        return np.stack(points, axis=1), grid
+        return np.stack(points, axis=1), row
 
 
 def isolines(
@@ -225,16 +245,17 @@ def isolines(
     of each. On a grid that wraps, a polygon may step from the last rows to the first.
     """
     grids = _Grids(field, offsets, wraps, level)
-    row, column, case = grids.cells()
-    sides, walk = grids.sides(row, column), CASES[case]
-    one, twice = np.arange(len(walk)), np.flatnonzero(walk[:, 2] >= 0)
-    enter = np.r_[sides[one, walk[:, 0]], sides[twice, walk[twice, 2]]]
-    leave = np.r_[sides[one, walk[:, 1]], sides[twice, walk[twice, 3]]]
-    order = np.argsort(enter)
-    edge = enter[order]
-    walked, rings = cycles(np.searchsorted(edge, leave[order]))
-    points, grid = grids.crossings(edge[walked])
-    return points, rings, grid[rings[:-1]]
+    enter, leave = grids.walks()
+    entered = np.zeros(2 * field.size, bool)
+    entered[enter] = True
+    edge = np.flatnonzero(entered)
+    place = np.empty(len(entered), np.int64)  # of each edge among those; it is entered once
+    place[edge] = np.arange(len(edge))
+    after = np.empty(len(edge), np.int64)
+    after[place[enter]] = place[leave]
+    walked, rings = cycles(after)
+    points, row = grids.crossings(edge[walked])
+    return points, rings, grids.by_row(np.arange(len(level)))[row[rings[:-1]]]
 
 
 def cycles(after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -246,20 +267,17 @@ def cycles(after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     `after` : (n,) int, the element that follows each
     """
     n, here = len(after), np.arange(len(after))
-    lowest, jump = here, after
+    # the lowest of the next so many elements, and the steps to it
+    lowest, steps, jump, many = here, np.zeros(n, np.int64), after, 1
     while True:
-        lower = np.minimum(lowest, lowest[jump])
-        if np.array_equal(lower, lowest):
+        ahead = lowest.take(jump)
+        lower = ahead < lowest
+        if not lower.any():
             break
-        lowest, jump = lower, jump[jump]
+        steps = np.where(lower, steps.take(jump) + many, steps)
+        lowest = np.where(lower, ahead, lowest)
+        jump, many = jump.take(jump), 2 * many
     first = lowest == here
-    # steps still to be taken to the cycle's first element
-    steps, jump = np.where(first, 0, 1), np.where(first, here, after)
-    while True:
-        more = steps[jump]
-        if not more.any():
-            break
-        steps, jump = steps + more, jump[jump]
     count = np.bincount(lowest, minlength=n)[first] if n else np.zeros(0, np.int64)
     offsets = np.r_[0, np.cumsum(count)]
     own = (np.cumsum(first) - 1)[lowest]

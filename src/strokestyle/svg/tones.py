@@ -10,7 +10,7 @@ whole ones, of TONE_UNIT px: a third less text than decimals.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,8 +19,8 @@ from scipy.linalg import solveh_banded
 
 from ..drawing.ribbon import Ribbon, ribbon
 from ..drawing.strokes import Drawing
-from ..geometry.curves import arc, counting, owner, simplify_all, take_ragged
-from ..geometry.polygons import areas, isolines
+from ..geometry.curves import CACHED, arc, blocks, counting, owner, simplify_all, take_ragged
+from ..geometry.polygons import areas, following, isolines
 from .crossings import Groups, crossing_groups, separated_groups, united_groups
 from .format import TONE_UNIT
 from .ink import Inks, inks
@@ -38,6 +38,8 @@ FOLD = 0.97  # of the radius of a bend, from its inside: texels beyond would be 
 MAX_STEP = 1.5  # px, the longest step of a contour that is laid along a bend
 COARSE_BINS = 64  # of opacity, for a first look
 CLEAR = 3 / 255  # opacity that nobody sees
+CACHED_TEXELS = 1 << 18  # of strips that are contoured at a time
+NOBODY = np.zeros(0, np.int64)
 OUT_OF_REACH = 2.0  # a threshold that no opacity reaches
 
 
@@ -118,25 +120,38 @@ def _painted_opacity(level: np.ndarray) -> np.ndarray:
 def _contours(
     alpha: np.ndarray, strips: np.ndarray, bands: list[Ribbon], threshold: np.ndarray
 ) -> Contours:
-    """The contours of strips at thresholds (C, K) of their opacity, laid along their ribbons."""
+    """The contours of strips at thresholds (C, K) of their opacity, laid along their ribbons.
+
+    Strokes are taken some at a time, so that what is worked out of them stays in cache.
+    """
+    parts = []
+    for few in blocks(strips, CACHED_TEXELS // alpha.shape[1]):
+        rows = strips[few.start : few.stop + 1]
+        own = alpha[rows[0] : rows[-1]], rows - rows[0], bands[few], threshold[few]
+        parts += [part._replace(stroke=part.stroke + few.start) for part in _contours_of(*own)]
+    shift = np.cumsum([0] + [len(part.xy) for part in parts])
+    begins = [part.offsets[:-1] + a for part, a in zip(parts, shift, strict=False)]
+    return Contours(
+        np.concatenate([np.zeros((0, 2)), *(part.xy for part in parts)]),
+        np.concatenate([*begins, shift[-1:]]),
+        np.concatenate([NOBODY, *(part.stroke for part in parts)]),
+        np.concatenate([NOBODY, *(part.tone for part in parts)]),
+    )
+
+
+def _contours_of(
+    alpha: np.ndarray, strips: np.ndarray, bands: list[Ribbon], threshold: np.ndarray
+) -> Iterator[Contours]:
+    """The contours of a few strips, tone by tone."""
     wraps = np.array([band.closed for band in bands], bool)
     field, grids = _rimmed(alpha, strips, wraps)
     frames = _joined(
         [_frames(band, rows) for band, rows in zip(bands, np.diff(strips), strict=True)]
     )
-    parts = []
     for k in range(threshold.shape[1]):
         at, ends, stroke = isolines(field, grids, wraps, threshold[:, k])
         xy, ends = _laid(at, ends, frames, alpha.shape[1])
-        parts.append(Contours(xy, ends, stroke, np.full(len(stroke), k)))
-    shift = np.cumsum([0] + [len(part.xy) for part in parts])
-    begins = [part.offsets[:-1] + a for part, a in zip(parts, shift, strict=False)]
-    return Contours(
-        np.concatenate([part.xy for part in parts]),
-        np.concatenate([*begins, shift[-1:]]),
-        np.concatenate([part.stroke for part in parts]),
-        np.concatenate([part.tone for part in parts]),
-    )
+        yield Contours(xy, ends, stroke, np.full(len(stroke), k))
 
 
 # --------------------------------------------------------------------------------------------- tone
@@ -177,13 +192,17 @@ def _levels(
         wanted = ink[:, None] * level[..., None]
         return _Levels(level, np.maximum(threshold, CLEAR), _painted_color(level, wanted))
     strokes, own = len(offsets) - 1, owner(offsets)
-    bins = (own[:, None] * 256 + np.rint(alpha * 255).astype(np.int64)).reshape(-1)
+    bins = own[:, None] * 256 + rgba[..., 3]
     if histogram is None:
-        histogram = np.bincount(bins, minlength=strokes * 256).reshape(strokes, 256).astype(float)
+        histogram = np.bincount(bins.reshape(-1), minlength=strokes * 256)
+        histogram = histogram.reshape(strokes, 256).astype(float)
     level, threshold = _distinct(*_refined(histogram, _partitioned(histogram, count)))
+    if plain.all():
+        wanted = ink[:, None] * level[..., None]
+        return _Levels(level, np.maximum(threshold, CLEAR), _painted_color(level, wanted))
     value = np.arange(256) / 255.0
     tone_of_bin = (value[None, :, None] >= threshold[:, None]).sum(axis=2)
-    key = np.repeat(own * (count + 1), alpha.shape[1]) + tone_of_bin.reshape(-1)[bins]
+    key = np.repeat(own * (count + 1), alpha.shape[1]) + tone_of_bin.reshape(-1)[bins.reshape(-1)]
     mean = _mean_colors(rgba, key, np.repeat(ink, count + 1, axis=0))
     wanted = mean.reshape(strokes, count + 1, 3)[:, 1:] * level[..., None]
     return _Levels(level, np.maximum(threshold, CLEAR), _painted_color(level, wanted))
@@ -332,10 +351,11 @@ class _Frames(NamedTuple):
         """Frames (M,) between rows, at rows `place` (M,) float."""
         row = np.minimum(place.astype(np.int64), len(self.half) - 2)
         part = place - row
-        before, after = 1.0 - part, part > 0  # else the next row may be another strip's
+        before = 1.0 - part
 
         def between(values: np.ndarray) -> np.ndarray:
-            return values.take(row) * before + np.where(after, values.take(row + 1), 0.0) * part
+            # the next row may be another strip's; of that, no part is taken
+            return values.take(row) * before + values[1:].take(row) * part
 
         xy = np.stack([between(np.ascontiguousarray(column)) for column in self.xy.T], axis=1)
         return _Frames(xy, *map(between, self[1:]))
@@ -376,17 +396,20 @@ def _laid(
     if not len(at):
         return np.zeros((0, 2)), offsets
     xy = _place(at, frames, columns)
-    after = np.arange(1, len(at) + 1)
-    after[offsets[1:] - 1] = offsets[:-1]
-    step = np.hypot(*(xy[after] - xy).T)
-    pieces = np.clip(np.ceil(step / MAX_STEP), 1, 16).astype(np.int64)
-    pieces[np.abs(at[after, 0] - at[:, 0]) > 1.0] = 1  # across the seam of a closed stroke
-    if (pieces == 1).all():
+    after = following(len(at), offsets)
+    step = np.square(xy[after] - xy).sum(axis=1)
+    far = np.flatnonzero(step > MAX_STEP**2)
+    far = far[np.abs(at[after[far], 0] - at[far, 0]) <= 1.0]  # not across a closed stroke's seam
+    if not len(far):
         return xy, offsets
-    k = np.repeat(np.arange(len(at)), pieces)
-    j = counting(pieces)
-    fine = at[k] + (j / pieces[k])[:, None] * (at[after] - at)[k]
-    return _place(fine, frames, columns), np.r_[0, np.cumsum(pieces)][offsets]
+    pieces = np.ones(len(at), np.int64)
+    pieces[far] = np.clip(np.ceil(np.sqrt(step[far]) / MAX_STEP), 1, 16)
+    new, k = counting(pieces), np.repeat(np.arange(len(at)), pieces)
+    laid, between = xy[k], np.flatnonzero(new)
+    k = k[between]
+    share = (new[between] / pieces[k])[:, None]
+    laid[between] = _place(at[k] + share * (at[after[k]] - at[k]), frames, columns)
+    return laid, np.r_[0, np.cumsum(pieces)][offsets]
 
 
 def _place(at: np.ndarray, frames: _Frames, columns: int) -> np.ndarray:
@@ -443,7 +466,7 @@ def _splines(
         closed, keep, kept = closed[rows], keep[rows], kept[big]
     keep[ends[1:] - 1] = False
     offsets = _counted(keep, ends)
-    control = fit_bsplines(closed, ends, keep, offsets)
+    control = _fitted(closed, ends, keep, offsets)
     polygon = np.rint(control / (2 * TONE_UNIT)).astype(np.int64)
     before, _ = _neighbours(offsets)
     keep = (polygon != polygon[before]).any(axis=1)
@@ -459,6 +482,16 @@ def _largest_first(area: np.ndarray, group: np.ndarray) -> np.ndarray:
     rank = np.ones(len(group))
     rank[by_area[np.diff(group[by_area], prepend=-1) > 0]] = 0
     return np.lexsort((rank, group))
+
+
+def _fitted(xy: np.ndarray, ends: np.ndarray, keep: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """What `fit_bsplines` gives, some contours at a time, so that they stay in cache."""
+    parts = [np.zeros((0, 2))]
+    for few in blocks(ends, CACHED):
+        own, kept = (every[few.start : few.stop + 1] for every in (ends, offsets))
+        rows = slice(own[0], own[-1])
+        parts.append(fit_bsplines(xy[rows], own - own[0], keep[rows], kept - kept[0]))
+    return np.concatenate(parts)
 
 
 def fit_bsplines(
