@@ -300,7 +300,7 @@ def learn_two_steps(lesson: Lesson, config: SketchPatchConfig, seed: int, device
 
 
 SOURCE = "Fish, Perry, Bermano, Cohen-Or: SketchPatch, SIGGRAPH Asia 2020"
-# a quarter of the channels, 6 blocks for 9, 1/16 of the batch, 1/400 of the steps at 5 times the rate
+# a quarter of the channels, 6 blocks for 9, 1/16 of the batch, 1/400 of the steps at 5 x the rate
 REDUCED = SketchPatchConfig(
     width=16, blocks=6, judge_width=16, patch=64, batch=4, steps=750, rate=1e-3
 )
