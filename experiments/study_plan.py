@@ -108,7 +108,11 @@ def load_study(folder: Path) -> Study:
             Questionnaire(each["name"], each["secret"], tuple(Shown(**s) for s in each["shown"]))
             for each in key["questionnaires"]
         )
-        return Study(**key)
+        study = Study(**key)
+        asked = {shown.comparison for sheet in study.questionnaires for shown in sheet.shown}
+        if not asked <= set(range(len(study.comparisons))) or not asked:
+            raise ValueError
+        return study
     except FileNotFoundError:
         raise ValueError(
             f"{path}: there is no such file; STUDY is a folder that make wrote"

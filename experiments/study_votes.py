@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from scipy.stats import beta
@@ -41,6 +42,13 @@ class Answers:
     seconds: tuple[float, ...]
 
     @property
+    def uniform(self) -> bool:
+        """Whether all votes are alike and for none of two: "both", say, pressed thirty times, is
+        consistent."""
+        votes = {*self.first.values(), *self.again.values()}
+        return votes in ({"neither"}, {"both"})
+
+    @property
     def inconsistent(self) -> int:
         """How many repeated answers differ from the first."""
         return sum(self.again[n] != vote for n, vote in self.first.items())
@@ -55,7 +63,7 @@ def seal(told: dict[str, Any], secret: str) -> str:
         tenths = math.floor(10 * each["seconds"] + 0.5)
         words.append(f"{each['question']}:{each['answer']}:{tenths}")
     total = 0x811C9DC5
-    for byte in "|".join(words).encode("utf-8"):
+    for byte in "|".join(words).encode("utf-8", "replace"):
         total = ((total ^ byte) * 0x01000193) & 0xFFFFFFFF
     return f"{total:08x}"
 
@@ -67,10 +75,13 @@ def read_answers(path: Path, study: Study) -> Answers:
     """
     told = parsed(path)
     if told["study"] != study.name:
-        raise ValueError(f"{path}: answers study {told['study']}, and this is {study.name}")
+        raise ValueError(
+            f"{path}: answers study {told['study'][:20]!a}, and this is {study.name!a}"
+        )
     sheets = {sheet.name: sheet for sheet in study.questionnaires}
     if told["questionnaire"] not in sheets:
-        raise ValueError(f"{path}: this study has no questionnaire {told['questionnaire']}")
+        name = told["questionnaire"][:20]
+        raise ValueError(f"{path}: this study has no questionnaire {name!a}")
     sheet = sheets[told["questionnaire"]]
     check_order(path, told["answers"], sheet)
     if told["seal"] != seal(told, sheet.secret):
@@ -246,6 +257,8 @@ def results(study: Study, answers: Sorted) -> dict[str, Any]:
             "reliable": len(answers.reliable),
             "unreliable": len(answers.unreliable),
             "simulated": sum(each.simulated for each in answers.usable),
+            "uniform": [str(each.path) for each in answers.reliable if each.uniform],
+            "median seconds": median(s for each in answers.usable for s in each.seconds),
         },
         "against": {other: of(other) for other in study.others},
         "styles": {style: {other: of(other, style) for other in study.others} for style in styles},
@@ -268,7 +281,8 @@ def tables(study: Study, found: dict[str, Any]) -> str:
         lines += [f"**Simulated: {who} a program; no such person was asked.**", ""]
     lines += [
         f"{usable} workers, {workers['unreliable']} of them unreliable (more than "
-        f"{study.tolerance} repeated answers that differ).",
+        f"{study.tolerance} repeated answers that differ); {workers['median seconds']:.1f} s for a "
+        "question, in the median.",
         "",
         f"| {study.ours} against | votes | ours | other | neither | both | ours of decided |",
         "| --- | --- | --- | --- | --- | --- | --- |",
@@ -287,6 +301,8 @@ def tables(study: Study, found: dict[str, Any]) -> str:
     for style, row in found["styles"].items():
         cells = [" / ".join(str(row[o][kind]["count"]) for kind in VOTES) for o in study.others]
         lines.append(f"| {style} | " + " | ".join(cells) + " |")
+    if uniform := workers["uniform"]:
+        lines += ["", f"Neither or both throughout, yet counted: {', '.join(uniform)}."]
     return "\n".join([*lines, "", missing_text(study, found)])
 
 

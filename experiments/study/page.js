@@ -36,7 +36,7 @@ function restored() {
     const kept = JSON.parse(stored(`${PLACE} ${STUDY.questionnaire}`));
     const whole = kept.answers.length === QUESTIONS.length && kept.seconds.length === QUESTIONS.length
       && kept.answers.every((answer) => answer === null || ANSWERS.includes(answer))
-      && kept.seconds.every((s) => s >= 0) && typeof kept.worker === "string";
+      && kept.seconds.every((s) => s >= 0) && Number.isInteger(kept.at) && kept.at >= -1 && typeof kept.worker === "string";
     if (whole) return { ...fresh(), ...kept, at: Math.min(kept.at, firstOpen(kept.answers)) };
   } catch { /* nothing, or no such thing */ }
   return fresh();
@@ -253,21 +253,27 @@ find("somebody").addEventListener("click", () => {
   find("start").focus();
 });
 
-document.addEventListener("keydown", (event) => {
-  if (event.repeat || event.ctrlKey || event.metaKey || event.altKey || event.target.id === "text") return;
+/** Do what a key is for; false where it is for nothing here. */
+function pressed(event) {
   const step = { ArrowLeft: -1, ArrowRight: 1, Backspace: -1 }[event.key];
   if (find("large").open) {
     if (step) enlarge((tabs.findIndex((tab) => tab.ariaPressed === "true") + step + 4) % 4);
     else if (event.key === "Escape") find("large").close();
+    else return false;
   } else if (step) {
     step < 0 ? back() : forward();
-  } else if (!find("question").hidden) {
+  } else {
     // where digits need Shift, the key that has them does
-    const digit = /^(?:Digit|Numpad)?([1-4])$/.exec(event.key) ?? /^(?:Digit|Numpad)([1-4])$/.exec(event.code);
-    if (!digit) return;
+    const digit = /^([1-4])$/.exec(event.key) ?? /^(?:Digit|Numpad)([1-4])$/.exec(event.code);
+    if (!digit || find("question").hidden) return false;
     answer(ANSWERS[digit[1] - 1]);
-  } else return;
-  event.preventDefault();
+  }
+  return true;
+}
+
+document.addEventListener("keydown", (event) => {
+  if (event.repeat || event.ctrlKey || event.metaKey || event.altKey || event.target.id === "text") return;
+  if (pressed(event)) event.preventDefault();
 });
 
 document.addEventListener("visibilitychange", () => {
@@ -284,6 +290,7 @@ window.addEventListener("beforeunload", (event) => {
 });
 
 find("count").textContent = QUESTIONS.length;
+find("minutes").textContent = Math.ceil(QUESTIONS.length / 6);
 find("forgets").hidden = keeps;
 const before = lastWorker();
 if (before && before.questionnaire !== STUDY.questionnaire && state.at < 0) {

@@ -140,6 +140,10 @@ def test_the_second_half_is_the_first_in_another_order_and_changed_over():
     assert 0.4 < np.mean(left) < 0.6
 
 
+def kinds(found):
+    return tuple(found["workers"][kind] for kind in ("reliable", "unreliable", "simulated"))
+
+
 # --------------------------------------------------------------------------------------- the page
 
 
@@ -237,7 +241,7 @@ def test_sides_are_undone_and_who_always_answers_left_is_unreliable(asked, tmp_p
     good = saved(tmp_path / "good.json", told(asked, 0, ours, "w1"))
     left = saved(tmp_path / "left.json", told(asked, 1, lambda *_: "x", "w2"))
     found = counted(capsys, asked, good, left)
-    assert found["workers"] == {"reliable": 1, "unreliable": 1, "simulated": 0}
+    assert kinds(found) == (1, 1, 0)
     rows = found["against"]
     assert sum(row["votes"] for row in rows.values()) == 15
     assert all(row["ours"]["share"] == 1 == row["ours of decided"]["high"] for row in rows.values())
@@ -283,7 +287,7 @@ def test_what_is_wrong_with_a_file_is_told_and_the_rest_goes_on(asked, data, tmp
         "e_list": ("[1, 2]", "is no file of answers"),
         "f_else": ({"format": "something"}, "is no file of answers"),
         "g_other": (told(other, 0, ours), "answers study"),
-        "h_sheet": (but(questionnaire="099"), "no questionnaire 099"),
+        "h_sheet": (but(questionnaire="099"), "no questionnaire '099'"),
         "i_kind": (but(worker=7), "'worker' is missing or is no text"),
         "j_real": (but(simulated="no"), "'simulated' is missing or is no truth value"),
         "k_open": (but_first(answer=None), "is incomplete: answer 1 "),
@@ -299,6 +303,8 @@ def test_what_is_wrong_with_a_file_is_told_and_the_rest_goes_on(asked, data, tmp
         "u_again": (fine, "by the worker of"),
         "v_second": (told(asked, 1, ours), "by the worker of"),
         "w_taken": (told(asked, 0, ours, "w2"), "questionnaire 001 was answered before"),
+        "x_lines": (but(study="a\nb" * 99), "answers study 'a\\nba"),
+        "x_lone": (but(worker="\ud800"), "its seal does not fit"),
         "x_none": (but(answers=[None] * 30), "answer 1 names no question"),
     }
     paths = [saved(tmp_path / f"{name}.json", content) for name, (content, _) in zoo.items()]
@@ -319,8 +325,14 @@ def test_an_unreliable_worker_leaves_the_questionnaire_to_the_next(asked, tmp_pa
     saved(tmp_path / "a.json", told(asked, 2, lambda *_: "y", "w1"))
     saved(tmp_path / "b.json", told(asked, 2, ours, "w2"))
     found = counted(capsys, asked, tmp_path)
-    assert found["workers"] == {"reliable": 1, "unreliable": 1, "simulated": 0}
+    assert kinds(found) == (1, 1, 0)
     assert not found["refused"]
+
+
+def test_who_says_both_throughout_is_named(asked, tmp_path, capsys):
+    path = saved(tmp_path / "a.json", told(asked, 2, lambda *_: "both"))
+    assert counted(capsys, asked, path)["workers"]["uniform"] == [str(path)]
+    assert f"yet counted: {path}." in read(capsys, asked, path).out
 
 
 @pytest.mark.parametrize("text", [None, "", "{}", '{"format": "strokestyle study 1"}', "[]"])
@@ -366,7 +378,7 @@ def test_a_known_preference_is_recovered(data, tmp_path, capsys):
 def test_careless_workers_are_noticed_and_simulation_says_what_it_is(asked, tmp_path, capsys):
     folder = simulated(asked, tmp_path / "a", "--careless", "1", "--seed", "3")
     found = counted(capsys, asked, folder)
-    assert found["workers"] == {"reliable": 0, "unreliable": 4, "simulated": 4}
+    assert kinds(found) == (0, 4, 4)
     assert "**Simulated: all workers are a program" in read(capsys, asked, folder).out
     again = simulated(asked, tmp_path / "b", "--careless", "1", "--seed", "3")
     other = simulated(asked, tmp_path / "c", "--careless", "1")
@@ -442,7 +454,7 @@ def test_a_worker_with_a_keyboard_alone(browser, asked, tmp_path, capsys):
     assert list(browser.downloads.glob("*.json")) == [target]  # none before
     assert browser.run("find('text').value") == target.read_text(encoding="utf-8")
     found = counted(capsys, asked, target)
-    assert found["workers"] == {"reliable": 1, "unreliable": 0, "simulated": 0}
+    assert kinds(found) == (1, 0, 0)
     assert sum(row["both"]["count"] for row in found["against"].values()) == 1
     assert sum(row["ours"]["count"] for row in found["against"].values()) == 14
     said = parsed(target)
@@ -499,6 +511,8 @@ def test_pictures_come_near_under_a_mouse_that_rests_and_large_when_clicked(brow
     assert browser.run("find('large').open && find('large-image').alt").startswith("Drawing X")
     browser.key("ArrowRight")
     assert browser.run("find('large-image').src === STUDY.pictures[QUESTIONS[0].sheets[3]]")
+    tab = "new KeyboardEvent('keydown', {key: 'Tab', bubbles: true, cancelable: true})"
+    assert browser.run(f"document.activeElement.dispatchEvent({tab})")  # goes from button to button
     browser.key("1")  # answers nothing
     browser.key("Escape")
     assert browser.run("!find('large').open && state.at === 0 && state.answers[0] === null")
