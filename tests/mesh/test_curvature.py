@@ -79,6 +79,27 @@ def test_curvature_is_worked_out_when_it_is_asked_for(monkeypatch):
     assert np.array_equal(surface.with_faces(np.ones(len(surface.faces), bool)).k1, surface.k1)
 
 
+def test_the_derivative_is_worked_out_where_it_is_asked_for(monkeypatch):
+    shape = shapes.torus(1, 0.4, 40, 30)
+    whole = make_surface(shape.vertices, shape.faces).smoothed(1.0).dcurv
+    counted, derivatives = [], curvature._derivatives
+
+    def count(frame, mean, deviator):
+        counted.append(mean.shape[1])
+        return derivatives(frame, mean, deviator)
+
+    monkeypatch.setattr(curvature, "_derivatives", count)
+    monkeypatch.setattr(curvature, "MAX_KEPT", 0)
+    surface = make_surface(shape.vertices, shape.faces).smoothed(1.0)
+    few, more = np.arange(30, 90), np.arange(60, 200)
+    for vertex in (few, more, few):
+        np.testing.assert_allclose(surface.dcurv_at(vertex), whole[vertex], atol=1e-9)
+    assert sum(counted) < 0.3 * len(shape.faces)  # what is known is not asked again
+    np.testing.assert_allclose(surface.dcurv, whole, atol=1e-9)
+    assert np.array_equal(surface.dcurv_at(few), surface.dcurv[few])
+    assert sum(counted) < 1.2 * len(shape.faces)
+
+
 def test_curvature_of_many_faces_is_summed_chunk_by_chunk(monkeypatch):
     """Nor does it matter whether the frames of faces are kept."""
     shape = shapes.torus(1, 0.4, 40, 30)

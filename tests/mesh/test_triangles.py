@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapes
 
+from strokestyle.mesh.surface import make_surface
 from strokestyle.mesh.triangles import (
     Edges,
     FaceShapes,
@@ -115,3 +116,16 @@ def test_shapes_of_faces():
     assert shape.cross.T.tolist() == [[0, 0, 12], [0, 0, 0]] and shape.size.tolist() == [12, 0]
     assert shape.square[:, 0].tolist() == [25, 9, 16]  # opposite the corners
     assert shape.longest.tolist() == [25, 64] and shape.has_area.tolist() == [True, False]
+
+
+@pytest.mark.parametrize("name", ["cube", "moebius", "saddle"])
+def test_edges_of_a_mesh_cut_open_are_those_of_its_sides(name):
+    """Two roads: from the edges of the welded mesh, and by sorting all sides."""
+    surface = make_surface(*getattr(shapes, name)())
+    mesh = surface.connectivity
+    assert name == "saddle" or len(mesh.cut_edges)
+    ends, rim = mesh.own_ends
+    own = Edges.of(mesh.faces, len(mesh.vertices))
+    assert sorted(map(tuple, ends)) == sorted(map(tuple, own.ends))
+    assert (np.diff(ends[:, 0]) >= 0).all() and ends.dtype == np.int32
+    assert np.array_equal(rim, own.rim)

@@ -188,6 +188,13 @@ def values_at_ends(surface: Surface, segments: Segments, value: np.ndarray) -> n
     return np.einsum("sei,si->se", segments.bary, value[surface.faces[segments.face]])
 
 
+def vertices_of(surface: Surface, face: np.ndarray) -> np.ndarray:
+    """Find the vertices of some faces, an index or mask over F: indices, ascending."""
+    mask = np.zeros(len(surface.vertices), bool)
+    mask[surface.faces[face]] = True
+    return np.flatnonzero(mask)
+
+
 class Trimmed(NamedTuple):
     """Lines of one kind: what may be seen, and what the shape hides however one looks."""
 
@@ -216,7 +223,7 @@ def contour_segments(
     segments = _zero_lines(surface, view.n_dot_v, "contour", smooth)
     if not options.trim:
         return Trimmed(_joined(segments, _fold_contours(folds, folds.edge)), segments.none())
-    passed = np.unique(surface.faces[segments.face])
+    passed = vertices_of(surface, segments.face)
     radial = values_at_ends(surface, segments, view.radial_curvature_at(surface, passed))
     radial[~view.closed_faces[segments.face]] = 1.0
     names = _new_names(surface, segments)
@@ -432,7 +439,8 @@ def suggestive_segments(surface: Surface, view: ViewFields, options: LineOptions
     limit = options.suggestive / surface.feature_size**2
     front = np.flatnonzero(_may_be_seen(surface, view))
     segments = _zero_lines(surface, view.radial_curvature(surface), "suggestive", front, rims=False)
-    derivative = values_at_ends(surface, segments, view.radial_derivative(surface))
+    passed = vertices_of(surface, segments.face)
+    derivative = values_at_ends(surface, segments, view.radial_derivative_at(surface, passed))
     facing = values_at_ends(surface, segments, view.n_dot_v)
     q = surface.feature_size**2 * derivative - options.suggestive * facing
     q = np.maximum(np.where(facing < 0.0, -q, q), 0.0)
@@ -539,7 +547,7 @@ def _ridge_or_valley(
     limit = threshold / surface.feature_size
     curved = all_corners(surface.faces, sign * surface.k1 > 0.0)
     among = np.flatnonzero(curved & any_corner(surface.faces, np.abs(surface.k1) > limit))
-    slope = sign * surface.dcurv[:, 0]
+    slope = _slope(surface, _around(surface, among), sign)  # `sharpness` needs those around
     pieces = _ridge_pieces(surface, among, slope[:, None] * surface.pdir1, slope)
     segments = _graded(surface, kind, pieces, np.abs(surface.k1), limit)
     if not (least_sharpness > 0.0 and len(segments)):
@@ -547,6 +555,20 @@ def _ridge_or_valley(
     share = sharpness(surface, slope, segments.face) / least_sharpness
     clear = np.clip(2.0 * share - 1.0, 0.0, 1.0)
     return _strong(segments, segments.strength * values_at_ends(surface, segments, clear))
+
+
+def _slope(surface: Surface, vertex: np.ndarray, sign: float) -> np.ndarray:
+    """Differentiate `sign` k1 along pdir1 at some vertices, an index (n,): 0 at others, (V,)."""
+    slope = np.zeros(len(surface.vertices))
+    slope[vertex] = sign * surface.dcurv_at(vertex)[:, 0]
+    return slope
+
+
+def _around(surface: Surface, face: np.ndarray) -> np.ndarray:
+    """Find the vertices of some faces, an index, and of those that touch them: indices."""
+    own = np.zeros(len(surface.vertices), bool)
+    own[surface.faces[face]] = True
+    return vertices_of(surface, any_corner(surface.faces, own))
 
 
 def sharpness(surface: Surface, slope: np.ndarray, face: np.ndarray) -> np.ndarray:

@@ -29,7 +29,9 @@ class SomeVertices:
     @classmethod
     def of(cls, surface: Surface, vertex: np.ndarray) -> SomeVertices:
         """Take the vertices of an index (n,)."""
-        return cls(*(getattr(surface, each.name)[vertex] for each in fields(cls)))
+        names = (each.name for each in fields(cls) if each.name != "dcurv")
+        taken = {name: getattr(surface, name)[vertex] for name in names}
+        return cls(**taken, dcurv=surface.dcurv_at(vertex))
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,14 @@ class VertexFields:
         radial = np.zeros(len(self.n_dot_v))
         radial[vertex] = k1 * u**2 + k2 * v**2
         return radial
+
+    def radial_derivative_at(self, surface: Surface, vertex: np.ndarray) -> np.ndarray:
+        """Measure `radial_derivative` at some vertices, (n,) int, alone: 0 at others, (V,)."""
+        some = SomeVertices.of(surface, vertex)
+        view = VertexFields(some, self.to_eye[vertex], self.n_dot_v[vertex])
+        derivative = np.zeros(len(self.n_dot_v))
+        derivative[vertex] = view.radial_derivative(some)
+        return derivative
 
     def radial_derivative(self, surface: Surface | SomeVertices) -> np.ndarray:
         """Differentiate the radial curvature along the projected view direction, (V,).

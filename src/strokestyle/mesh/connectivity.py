@@ -69,8 +69,27 @@ class Connectivity:
     def own_ends(self) -> tuple[np.ndarray, np.ndarray]:
         """The edges of the mesh as it is cut open, vertices at one place being several: the ends
         (E', 2) of all, sorted, and the vertices (R,) on boundaries."""
-        own = self.edges if self.is_uncut else Edges.of(self.faces, len(self.vertices))
-        return own.ends.astype(np.int32, order="F"), own.rim
+        if self.is_uncut:
+            return self.edges.ends.astype(np.int32, order="F"), self.edges.rim
+        if (self.edges.uses > 2).any():
+            own = Edges.of(self.faces, len(self.vertices))
+            return own.ends.astype(np.int32, order="F"), own.rim
+        return self._ends_of_sides()
+
+    def _ends_of_sides(self) -> tuple[np.ndarray, np.ndarray]:
+        """Give `own_ends` where no more than two faces meet in an edge.
+
+        An edge that is cut is two, one of either face, and no other is cut: a fraction of the time
+        that it takes to sort all sides.
+        """
+        one, two = self.edges.sides.T
+        cut, boundary = self.cut_edges, self.edges.uses == 1
+        side = np.concatenate([one, two[cut]])
+        start, end = (self.faces.ravel().take(at) for at in (side, side + 1 - 3 * (side % 3 == 2)))
+        ends = np.stack([np.minimum(start, end), np.maximum(start, end)]).astype(np.int32)
+        boundary[cut] = True
+        rim = np.unique(ends[:, np.r_[np.flatnonzero(boundary), len(one) : len(side)]])
+        return ends[:, np.argsort(ends[0], kind="stable")].T, rim
 
     @cached_property
     def vertex_normals(self) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from itertools import combinations
 from typing import NamedTuple
@@ -31,6 +31,7 @@ Blur = Callable[[np.ndarray], np.ndarray]
 CHUNK = 32 * BLOCK  # faces whose corners are summed up in one go: bounds memory
 MAX_KEPT = 1 << 19  # faces, of more the frames are set up twice rather than kept: they are large
 MIN_SORTED = 8  # steps of smoothing, from which on it pays to put vertices in order
+MOST = 0.6  # share of the vertices, of more the derivative is worked out at all
 FEW = 0.1  # share of the vertices, of less the curvature is worked out there alone
 HUB = 64  # faces round a vertex, more than which are a fan rather than a surface round a point
 RING_PAIRS = 1 << 20  # pairs of a vertex and a face near it that are looked at in one go
@@ -62,21 +63,25 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _sum_at_corners(
-    faces: np.ndarray, vertices: int, width: int, measure: Callable[[slice], np.ndarray]
+    faces: np.ndarray,
+    vertices: int,
+    width: int,
+    measure: Callable[[slice], Sequence[np.ndarray] | np.ndarray],
 ) -> np.ndarray:
     """Sum at the vertices what their faces say of their corners: (width, V).
 
-    `measure` says it of a block of faces: (width, 3, N), at the three corners of each.
+    `measure` says it of a block of faces: `width` times (3, N), at the three corners of each.
     """
     total = np.zeros((width, vertices))
     for start in range(0, len(faces), CHUNK):
-        some = faces[start : start + CHUNK]
-        parts = np.empty((width, *some.shape))
-        for block in blocks(len(some)):
+        corner = columns(faces[start : start + CHUNK])
+        parts = np.empty((width, *corner.shape))
+        for block in blocks(corner.shape[1]):
             found = measure(slice(start + block.start, start + block.stop))
-            parts[:, block] = found.swapaxes(1, 2)
+            for part, one in zip(parts, found, strict=True):
+                part[:, block] = one
         for one, part in zip(total, parts, strict=True):
-            one += scatter_sum(some.ravel(), part.ravel(), vertices)
+            one += scatter_sum(corner.ravel(), part.ravel(), vertices)
     return total
 
 
@@ -282,20 +287,20 @@ class Curvature:
         self.faces_in_place = _PlacedFaces(vertices, faces, normals)
 
     @cached_property
-    def form(self) -> tuple[np.ndarray, np.ndarray]:
-        """The second fundamental form: its mean (V,) and deviator (V,) complex."""
-        form = _vertex_forms(self.faces_in_place, self.rtsc)
+    def form(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The second fundamental form: its mean (V,) and deviator (V,) complex; and areas (V,)."""
+        mean, deviator, area = _vertex_forms(self.faces_in_place, self.rtsc)
         if self.blur is None:
-            return form
+            return mean, deviator, area
         self.faces_in_place.put_away()  # smoothing takes the most memory, and none of that
         x, y = _tangent_frame(columns(self.normals))
         blur, self.blur = self.blur, None
-        return _blur_tensor(blur, *form, x, y)
+        return *_blur_tensor(blur, mean, deviator, x, y), area
 
     @cached_property
     def principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The principal curvatures (V,), and the first's direction (V,) complex."""
-        return _principal_curvatures(*self.form)
+        return _principal_curvatures(*self.form[:2])
 
     @cached_property
     def directions(self) -> tuple[np.ndarray, np.ndarray]:
@@ -339,11 +344,39 @@ class Curvature:
     def pdir2(self) -> np.ndarray:
         return self.directions[1]
 
-    @cached_property
+    @property
     def dcurv(self) -> np.ndarray:
-        found = _vertex_derivatives(self.faces_in_place, *self.form, self.principal[2])
-        self.faces_in_place.frames.clear()
-        return found
+        self._derive(np.ones(len(self.vertices), bool))
+        return self._derived[1]
+
+    def dcurv_at(self, vertex: np.ndarray) -> np.ndarray:
+        """Differentiate the form at some vertices, an index (n,): (n, 4).
+
+        What is not known there yet is worked out, of the faces round it alone; where that makes
+        MOST of the vertices, of all of them.
+        """
+        wanted = np.zeros(len(self.vertices), bool)
+        wanted[vertex] = True
+        self._derive(wanted)
+        return self._derived[1][vertex]
+
+    def _derive(self, wanted: np.ndarray) -> None:
+        """Differentiate the form at the vertices `wanted`, (V,) bool, where it is not known yet."""
+        known, found = self._derived
+        if known[wanted].all():
+            return
+        if np.count_nonzero(wanted | known) > MOST * len(known):
+            wanted = np.ones(len(known), bool)
+        new = np.flatnonzero(wanted & ~known)
+        parts = _vertex_derivatives(self.faces_in_place, self.form, new)
+        found[new], known[new] = _along(self.principal[2][new], parts), True
+        if known.all():
+            self.faces_in_place.frames.clear()
+
+    @cached_property
+    def _derived(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where the derivative is known, (V,) bool, and what it is there, (V, 4)."""
+        return np.zeros(len(self.vertices), bool), np.zeros((len(self.vertices), 4))
 
     @cached_property
     def feature_size(self) -> float:
@@ -437,46 +470,44 @@ class _PlacedFaces:
         """(3, V), the normals by columns."""
         return columns(self.normals)
 
-    @cached_property
-    def areas(self) -> np.ndarray:
-        """(V,), the area nearest to each vertex."""
-
-        def measure(block: slice) -> np.ndarray:
-            return np.stack(_block_areas(side_vectors(self.points, self.faces[block])))[None]
-
-        return np.maximum(_sum_at_corners(self.faces, len(self.vertices), 1, measure)[0], TINY)
-
     def put_away(self) -> None:
         """Forget the columns, which are soon laid out again."""
         for name in ("points", "axes"):
             vars(self).pop(name, None)
 
-    def basis(self, block: slice) -> tuple[_FaceBasis, list[np.ndarray], _FaceFrames]:
-        """Set up bases of faces, the normals (3, N) at their three corners, and their frames."""
-        faces = columns(self.faces[block])
+    def basis(self, faces: np.ndarray) -> tuple[_FaceBasis, list[np.ndarray], _FaceFrames]:
+        """Set up bases of faces (3, N), the normals (3, N) at their corners, and their frames."""
         side = side_vectors(self.points, faces.T)
         corner = [self.axes.take(one, axis=1) for one in faces]
         basis = _FaceBasis.of(side)
-        share = np.stack(_block_areas(side)) / self.areas.take(faces)
-        return basis, corner, _face_frames(basis, corner, share)
+        return basis, corner, _face_frames(basis, corner, np.stack(_block_areas(side)))
 
-    def frame(self, block: slice) -> _FaceFrames:
-        """Set up the frames of faces, or find those that were kept."""
-        return self.frames.pop(block.start, None) or self.basis(block)[2]
+    def frame(self, block: slice, some: np.ndarray, faces: np.ndarray) -> _FaceFrames:
+        """Set up the frames of faces (3, N), rows `some` of a block, or take those kept of it."""
+        kept = self.frames.get(block.start)
+        if kept is None:
+            return self.basis(faces)[2]
+        if len(some) == kept.u.shape[1]:
+            return kept
+        return _FaceFrames(*(column.take(some, axis=1) for column in kept))
 
 
-def _vertex_forms(mesh: _PlacedFaces, rtsc: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Average the second fundamental forms of the faces: mean (V,) and deviator (V,) complex."""
+def _vertex_forms(mesh: _PlacedFaces, rtsc: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Average the second fundamental forms of the faces: mean (V,) and deviator (V,) complex.
 
-    def measure(block: slice) -> np.ndarray:
-        basis, corner, frame = mesh.basis(block)
+    Also returns the area (V,) nearest to each vertex, over which they are averaged.
+    """
+
+    def measure(block: slice) -> list[np.ndarray]:
+        basis, corner, frame = mesh.basis(columns(mesh.faces[block]))
         if len(mesh.faces) <= MAX_KEPT:
             mesh.frames[block.start] = frame
         mean, deviator = _forms(basis, frame, corner, rtsc)
-        return np.stack([mean, deviator.real, deviator.imag])
+        return [mean, deviator.real, deviator.imag, frame.area]
 
-    found = _sum_at_corners(mesh.faces, len(mesh.vertices), 3, measure)
-    return found[0], found[1] + 1j * found[2]
+    found = _sum_at_corners(mesh.faces, len(mesh.vertices), 4, measure)
+    area = np.maximum(found[3], TINY)
+    return found[0] / area, (found[1] + 1j * found[2]) / area, area
 
 
 def _principal_curvatures(
@@ -496,18 +527,37 @@ def _principal_curvatures(
 
 
 def _vertex_derivatives(
-    mesh: _PlacedFaces, mean: np.ndarray, deviator: np.ndarray, axis: np.ndarray
+    mesh: _PlacedFaces, form: tuple[np.ndarray, np.ndarray, np.ndarray], vertex: np.ndarray
 ) -> np.ndarray:
-    """Average the derivatives of the form, seen along the principal directions: (V, 4)."""
+    """Average the derivatives of the form at some vertices, an index (n,), by their areas: (n, 4).
 
-    def measure(block: slice) -> np.ndarray:
-        corner = columns(mesh.faces[block])
-        one, three = _derivatives(mesh.frame(block), mean.take(corner), deviator.take(corner))
-        return np.stack([one.real, one.imag, three.real, three.imag])
+    Of the faces round them alone. They are seen in the vertices' own frames: `_along` turns them.
+    `form` : mean (V,), deviator (V,) and area (V,)
+    """
+    mean, deviator, area = form
+    chosen = np.zeros(len(mean), bool)
+    chosen[vertex] = True
+    total = np.zeros((4, len(mean)))
+    for start in range(0, len(mesh.faces), CHUNK):
+        corners, parts = [], []
+        for block in blocks(min(CHUNK, len(mesh.faces) - start)):
+            block = slice(start + block.start, start + block.stop)
+            some = np.flatnonzero(any_corner(mesh.faces[block], chosen))
+            corner = columns(mesh.faces[block][some])
+            frame = mesh.frame(block, some, corner)
+            one, three = _derivatives(frame, mean.take(corner), deviator.take(corner))
+            corners.append(corner)
+            parts.append([one.real, one.imag, three.real, three.imag])
+        at = np.concatenate(corners, axis=1).ravel()
+        for all_, part in zip(total, zip(*parts, strict=True), strict=True):
+            all_ += scatter_sum(at, np.concatenate(part, axis=1).ravel(), len(mean))
+    return (total[:, vertex] / area[vertex]).T
 
-    found = _sum_at_corners(mesh.faces, len(mean), 4, measure)
-    one = (found[0] + 1j * found[1]) / axis
-    three = (found[2] + 1j * found[3]) / (axis * axis * axis)
+
+def _along(axis: np.ndarray, parts: np.ndarray) -> np.ndarray:
+    """Turn derivatives (n, 4), two complex parts each, to the principal directions (n,)."""
+    one = (parts[:, 0] + 1j * parts[:, 1]) / axis
+    three = (parts[:, 2] + 1j * parts[:, 3]) / (axis * axis * axis)
     return np.stack(
         [
             one.real + three.real,
@@ -555,24 +605,26 @@ class _FaceFrames(NamedTuple):
     u, v : (3, N), the sides, as in `_FaceBasis`
     turn : (3, N) complex, e^(i phi): t, seen in each corner's frame after the shortest rotation of
         n onto its normal
-    share : (3, N), of each corner's average
+    area : (3, N), what of the face is nearest to each corner
+    weight : (3, N), the same, by which the face counts there: 0 for slivers
     """
 
     u: np.ndarray
     v: np.ndarray
     turn: np.ndarray
-    share: np.ndarray
+    area: np.ndarray
+    weight: np.ndarray
 
 
-def _face_frames(basis: _FaceBasis, corner: list[np.ndarray], share: np.ndarray) -> _FaceFrames:
+def _face_frames(basis: _FaceBasis, corner: list[np.ndarray], area: np.ndarray) -> _FaceFrames:
     """Turn the bases of faces into the frames of their corners.
 
-    `corner` : the normals (3, N) there; `share` : (3, N), that of each corner's average
+    `corner` : the normals (3, N) there; `area` : (3, N), what is nearest to each corner
     """
     t, n, u, v = basis.t, basis.n, basis.u, basis.v
     uu, vv = (u * u).sum(axis=0), (v * v).sum(axis=0)
     # a sliver says nothing across its length: give it no vote
-    share = share * (vv * uu > 1e-16 * (uu + vv) ** 2)
+    weight = area * (vv * uu > 1e-16 * (uu + vv) ** 2)
     turn = np.empty(u.shape, complex)
     for i, normal in enumerate(corner):
         tilt = column_dot(t, normal) / np.maximum(1.0 + column_dot(n, normal), 1e-6)
@@ -581,7 +633,7 @@ def _face_frames(basis: _FaceBasis, corner: list[np.ndarray], share: np.ndarray)
         turn[i].real, turn[i].imag = column_dot(rotated, x), column_dot(rotated, y)
     size = np.abs(turn)
     turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)
-    return _FaceFrames(u, v, turn, share)
+    return _FaceFrames(u, v, turn, area, weight)
 
 
 def _forms(
@@ -599,8 +651,8 @@ def _forms(
     dv = np.stack([column_dot(d, basis.b) for d in dn])
     right = [(du * u).sum(axis=0), (du * v + dv * u).sum(axis=0), (dv * v).sum(axis=0)]
     e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right, rtsc)
-    mean = 0.5 * (e + g) * frame.share
-    deviator = (0.5 * (e - g) + 1j * f) * (frame.turn * frame.turn) * frame.share
+    mean = 0.5 * (e + g) * frame.weight
+    deviator = (0.5 * (e - g) + 1j * f) * (frame.turn * frame.turn) * frame.weight
     return mean, deviator
 
 
@@ -628,8 +680,8 @@ def _derivatives(
     p, q, r, s = _solve_tridiagonal(
         [uu, 2.0 * uu + vv, uu + 2.0 * vv, vv], [uv, 2.0 * uv, uv], right
     )
-    one = (0.75 * ((p + r) + 1j * (q + s))) * frame.turn * frame.share
-    three = (0.25 * ((p - 3.0 * r) + 1j * (3.0 * q - s))) * (turn_twice * frame.turn) * frame.share
+    one = (0.75 * ((p + r) + 1j * (q + s))) * frame.turn * frame.weight
+    three = (0.25 * ((p - 3.0 * r) + 1j * (3.0 * q - s))) * (turn_twice * frame.turn) * frame.weight
     return one, three
 
 

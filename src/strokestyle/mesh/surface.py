@@ -155,6 +155,13 @@ class Surface:
             return pending.around(vertex)
         return tuple(getattr(self, name)[vertex] for name in ("k1", "k2", "pdir1", "pdir2"))
 
+    def dcurv_at(self, vertex: np.ndarray) -> np.ndarray:
+        """Take dcurv (n, 4) at some vertices, an index (n,): worked out there alone, as above."""
+        pending = self.__dict__.get("_curvature")
+        if "dcurv" in self.__dict__ or pending is None:
+            return self.dcurv[vertex]
+        return pending.dcurv_at(vertex)
+
     @property
     def edges(self) -> np.ndarray:
         """(E, 2) int, the welded vertices of each edge, the lower index first."""
