@@ -69,6 +69,11 @@ class Lesson:
         view = self.sheet.view
         return load_exemplar(self.path, *self.sheet.size, view.curves.xy[view.required])[0]
 
+    def at(self, size: int) -> "Lesson":
+        """The same drawing, with a longer side of `size` px."""
+        root = self.path.parents[3]
+        return DataSet(root, self.sheet.shape, size).lesson(self.style)
+
 
 class DataSet:
     """The drawings and shapes of a folder, at one size.

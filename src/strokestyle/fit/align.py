@@ -90,6 +90,12 @@ class Alignment:
     free: np.ndarray
     noise: float
 
+    @classmethod
+    def on_curves(cls, points: int, deformations: int) -> Alignment:
+        """Take strokes to lie on their curves, on ink of their own, in any manner."""
+        flat, none = np.zeros((points, 2)), np.zeros(deformations)
+        return cls(flat, flat, np.ones(points, bool), none, none, none == 0, 0.0)
+
     @property
     def shift(self) -> np.ndarray:
         """(N, 2) px, from the planned points to where the drawing has them, but for its manner."""

@@ -19,7 +19,10 @@ class FitConfig:
     steps : Adam steps of the thickness curves, in each of the two times that they are learned
     rate : their learning rate at the top of its one-cycle schedule, log width a step
     sparsity : weight of their group lasso, against a mean error of log width
-    trace_steps : Adam steps of the strokes' own points, through the rasteriser
+    alignment : whether strokes are laid where the drawing has them before anything is learned of
+        them; without it they are taken to lie on their curves
+    trace_steps : Adam steps of the strokes' own points, through the rasteriser; 0 = strokes are
+        taken to be as they were measured
     levels : sizes at which mask and strokes are compared by L1: 1, 6, 12 ... px
     roughness : weight of the traced strokes' mean squared second differences (px of offset, and
         log width), against the mask's L1 per pixel of stroke
@@ -32,6 +35,7 @@ class FitConfig:
     steps: int = 150
     rate: float = 0.02
     sparsity: float = 0.04
+    alignment: bool = True
     trace_steps: int = 120
     levels: int = 3
     roughness: float = 0.1

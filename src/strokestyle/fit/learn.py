@@ -239,7 +239,7 @@ def fit_quick(
     checkpoint, report = checkpoint or Checkpoint(), report or Reporter(None, 1)
     style_config = replace(config.style, size=max(exemplar.mask.shape))
     style_config = learn_manner(view, exemplar.mask, style_config)
-    seen = _seen(view, exemplar, style_config)
+    seen = _seen(view, exemplar, style_config, config.alignment)
     # The law is learned twice. What is measured across the strokes is wrong where lines crowd, but
     # its law is a start from which the trace finds the right line; the law that is kept is
     # learned from the traced strokes.
@@ -259,10 +259,14 @@ def fit_quick(
     return Learned(style, strokes, seen.ink, seen.alignment, planned.xy[doubted])
 
 
-def _seen(view: View, exemplar: Exemplar, config: StyleConfig) -> _Seen:
+def _seen(view: View, exemplar: Exemplar, config: StyleConfig, aligned: bool) -> _Seen:
     """Lay the strokes of a view on the drawing, and look what is there."""
     training = TrainingStrokes.of(view, config)
-    alignment = align(exemplar.mask, training.planned, training.frame.deformations, config.spacing)
+    planned, deformations = training.planned, training.frame.deformations
+    if aligned:
+        alignment = align(exemplar.mask, planned, deformations, config.spacing)
+    else:
+        alignment = Alignment.on_curves(len(planned.xy), deformations.shape[1])
     training = training.aligned(alignment)
     passes = find_passes(exemplar.alpha, training.planned, training.normals, config.spacing)
     if passes is not None:
