@@ -56,6 +56,8 @@ def make(args: argparse.Namespace) -> None:
             write_text(folder / sheet.page, page)
         write_text(folder / KEY, study.key_text())
         folder.chmod(0o755)
+        if args.output.exists():
+            args.output.rmdir()  # empty; not every system replaces it
         folder.replace(args.output)
     except BaseException:
         shutil.rmtree(folder)

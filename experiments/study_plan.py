@@ -163,7 +163,7 @@ def deal(
     queue, hands = list(chain(*rounds)), []
     for _ in range(-(-votes * len(comparisons) // questions)):
         hand: list[int] = []
-        left = []
+        left: list[int] = []
         for n in queue:
             (left if n in hand or len(hand) == questions else hand).append(n)
         hands.append(hand)
