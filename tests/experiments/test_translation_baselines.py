@@ -69,6 +69,15 @@ def test_patches_follow_the_curves(sheet):
     assert len(alone) == 2  # one start a line
 
 
+def test_patches_follow_the_most_ink():
+    """Four patches around a ring, whose weakest link, of 0 and 1, is left out."""
+    grid = sketchpatch.Grid.of(40, 40, 32)
+    ink = np.zeros((56, 56), bool)
+    ink[10, 28] = ink[45, 25:30] = ink[25:30, 10] = ink[25:30, 45] = True
+    ways = {tuple(sketchpatch.order(grid, ink, np.random.default_rng(k))) for k in range(12)}
+    assert {way for way in ways if way[0] < 2} == {(0, 2, 3, 1), (1, 3, 2, 0)}
+
+
 def test_a_canvas_of_patches_has_no_seams(sheet):
     """Generators of which the whole canvas is known: one recolours each pixel, one paints what a
     map says. Both draw exactly that, whatever the order and the overlaps."""
@@ -88,6 +97,23 @@ def test_a_canvas_of_patches_has_no_seams(sheet):
         drawn = sketchpatch.stylise(told, plain, thick, 32, rng)
         assert drawn.shape == plain.shape
         assert (drawn - thick).abs().max() < 1 / 255
+
+
+def test_overlaps_are_blended():
+    """Patches that are black and white in turn, along one line: grey rises and falls by the ramp,
+    a sigmoid over 8 px, never by more than its steepest step."""
+    plain = torch.ones(1, 3, 96, 96)
+    plain[:, :, 32] = 0
+    calls = []
+
+    def checkered(x):
+        calls.append(x)
+        return torch.full_like(x[:, :3], len(calls) % 2)
+
+    maps = torch.ones(1, 0, 96, 96)
+    row = sketchpatch.stylise(checkered, plain, maps, 32, np.random.default_rng(0))[0, 0, 32]
+    assert row.max() == 1 and row.min() == 0
+    assert 0.1 < row.diff().abs().max() < 0.16
 
 
 def test_sketchpatch_learns(lesson):
