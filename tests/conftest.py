@@ -14,7 +14,13 @@ if WORKERS:  # each has its share of the cores: two threads for each would wait 
 import strokestyle.render  # noqa: E402, F401
 
 STRICT = "STROKESTYLE_STRICT_SKIPS"  # where this is set, a skip for any other reason fails the run
-ALLOWED_SKIPS = ("STROKESTYLE_SHARED is not set", "no CUDA device", "no program: ", "no browser: ")
+ALLOWED_SKIPS = (
+    "STROKESTYLE_SHARED is not set",
+    "no CUDA device",
+    "no program: ",
+    "no browser: ",
+    "no weights: ",
+)
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ def network(make, *names):
     try:
         return make(*names)
     except NoWeights as missing:
-        pytest.skip(str(missing))
+        pytest.skip(f"no weights: {missing}")
 
 
 def test_frechet_of_known_gaussians():
