@@ -124,11 +124,13 @@ class Variant:
     surface_features: bool = True
 
     def networks(self) -> Networks:
-        """Make the networks."""
-        texture = TextureNet(width=self.width)
-        if not self.surface_features:
+        """Make the networks, in the order in which the paper's are: weights are drawn in turn."""
+        geometry = self.geometry()
+        if self.surface_features:
+            texture: nn.Module = TextureNet(width=self.width)
+        else:
             texture = LastMap(TextureNet(1, self.width))
-        return Networks(self.geometry(), texture, PatchDiscriminator(self.width))
+        return Networks(geometry, texture, PatchDiscriminator(self.width))
 
     def on(self, size: int) -> NeuralStrokesConfig:
         """The schedule for a canvas of `size` px, of which patches are the same share."""
