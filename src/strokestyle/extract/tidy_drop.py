@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .tidy_lines import SOFT, STEP, Lines, Numbers, loose_ends, near_others, short_creases
+from .tidy_lines import SOFT, STEP, Lines, Numbers, loose_creases, near_others, short_creases
 
 # px
 ATTACHED = 6.0  # an end this near to another line is attached
@@ -20,7 +20,7 @@ def drop(lines: Lines, options: Numbers) -> Lines:
     length = lines.length
     attached = near_others(lines, ATTACHED).reshape(-1, 2).sum(axis=1) * ~lines.closed
     crease = short_creases(lines, options)
-    soft = SOFT[lines.kind] | (crease & loose_ends(lines, options))
+    soft = SOFT[lines.kind] | loose_creases(lines, options, crease)
     noise = (length < CLUTTER_LENGTH * options.growth) & (SOFT[lines.kind] | crease)
     around = _clutter(lines, noise, soft, options) / max(options.clutter * options.growth, 1e-9)
     need = options.soft * options.growth * (1.0 + around)

@@ -77,7 +77,7 @@ def join(lines: Lines, options: Numbers, near: bool) -> Lines:
     pairs = _end_pairs(lines, reach * options.growth, options)
     if not len(pairs.a):
         return lines
-    free = ~near_others(lines, FREE)
+    free = _free_ends(lines, pairs)
     pairs = _in_own_lengths(lines, pairs, free, options)
     good = _head_on(lines, pairs, free, options)
     good &= pairs.gap <= (MEETING if near else _longest_bridge(lines, pairs, options))
@@ -88,6 +88,14 @@ def join(lines: Lines, options: Numbers, near: bool) -> Lines:
     pairs = pairs.take(_clear(lines, pairs, options))
     mate = _mates(pairs, _cost(lines, pairs, options), 2 * len(lines))
     return _link(lines, mate, options)
+
+
+def _free_ends(lines: Lines, pairs: _EndPairs) -> np.ndarray:
+    """Tell which ends of contours that may be joined to one another are free, (2C,) bool."""
+    contours = pairs.take(pairs.both(lines.kind == CONTOUR))
+    asked = np.zeros(2 * len(lines), bool)
+    asked[contours.a] = asked[contours.b] = True
+    return asked & ~near_others(lines, FREE, asked)
 
 
 def _end_pairs(lines: Lines, reach: float, options: Numbers) -> _EndPairs:

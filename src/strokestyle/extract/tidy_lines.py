@@ -284,13 +284,13 @@ def short_creases(lines: Lines, options: Numbers) -> np.ndarray:
     return (lines.kind == CREASE) & (lines.length < options.long_crease * options.growth)
 
 
-def loose_ends(lines: Lines, options: Numbers) -> np.ndarray:
-    """Tell which curves have an end that no other is near, (C,) bool.
+def loose_creases(lines: Lines, options: Numbers, crease: np.ndarray) -> np.ndarray:
+    """Tell which `crease` curves (C,) bool have an end that no other is near, (C,) bool.
 
     The edges of a true solid meet, so that a short crease with a loose end is noise.
     """
-    near = near_others(lines, LOOSE * options.growth)
-    return ~(near[::2] & near[1::2])
+    near = near_others(lines, LOOSE * options.growth, np.repeat(crease, 2))
+    return crease & ~(near[::2] & near[1::2])
 
 
 def ends_of(lines: Lines, reach: int | np.ndarray = 6) -> tuple[np.ndarray, np.ndarray]:
@@ -306,14 +306,22 @@ def ends_of(lines: Lines, reach: int | np.ndarray = 6) -> tuple[np.ndarray, np.n
     return lines.xy[tip], heading / np.maximum(np.linalg.norm(heading, axis=1), 1e-9)[:, None]
 
 
-def near_others(lines: Lines, radius: float) -> np.ndarray:
-    """Tell which ends, start then end of every curve, lie within `radius` px of another, (2C,)."""
-    tip, _ = ends_of(lines)
+def near_others(lines: Lines, radius: float, asked: np.ndarray | None = None) -> np.ndarray:
+    """Tell which ends, start then end of every curve, lie within `radius` px of another, (2C,).
+
+    `asked` : (2C,) bool, the ends that are looked at; the others count as far. By default all.
+    """
+    ends = np.flatnonzero(np.ones(2 * len(lines), bool) if asked is None else asked)
+    near = np.zeros(2 * len(lines), bool)
+    if not len(ends):
+        return near
+    tip = ends_of(lines)[0][ends]
     tree, of = lines.tree, lines.of
     # a curve has hardly more than 2 radius points of its own so near to its tip; the next nearest
     # are others
     k = min(int(2.0 * radius / STEP) + 4, len(lines.xy))
     distance, nearest = tree.query(tip, k=k, distance_upper_bound=radius)
     distance, nearest = distance.reshape(len(tip), -1), nearest.reshape(len(tip), -1)
-    other = of[np.minimum(nearest, len(of) - 1)] != (np.arange(len(tip)) // 2)[:, None]
-    return ((distance < np.inf) & other).any(axis=1)
+    other = of[np.minimum(nearest, len(of) - 1)] != (ends // 2)[:, None]
+    near[ends] = ((distance < np.inf) & other).any(axis=1)
+    return near

@@ -26,7 +26,7 @@ from .tidy_lines import (
     Numbers,
     chords,
     flip_short,
-    loose_ends,
+    loose_creases,
     short_creases,
 )
 
@@ -57,7 +57,7 @@ def merge(lines: Lines, options: Numbers) -> Lines:
         return lines
     crease = short_creases(lines, options)
     soft = SOFT[lines.kind] | crease
-    grows = SOFT[lines.kind] | (crease & loose_ends(lines, options))
+    grows = SOFT[lines.kind] | loose_creases(lines, options, crease)
     order = np.argsort(_ranks(lines, soft))
     rows, _ = take_ragged(lines.offsets, order)
     gone = np.empty(len(rows), bool)
@@ -137,10 +137,7 @@ class _Contest:
         asks, other = self.asks[lines.of[worse]], self.as_better[lines.of[better]]
         grows, between = self.grows[lines.of[worse]], lines.xy[better] - lines.xy[worse]
         unit = np.where(grows, options.growth, 1.0)
-        here, there = (
-            np.where(grows[:, None], self.broad[rows], self.direction[rows])
-            for rows in (better, worse)
-        )
+        here, there = (self._directions(rows, grows) for rows in (better, worse))
         distance = np.hypot(between[:, 0], between[:, 1])
         same_form = (other > 0) & (((asks == 1) & (other == 2)) | ((asks > 1) & (other == 1)))
         narrow = np.where(same_form, SAME_FORM_ANGLE, FAR_ANGLE)
@@ -150,6 +147,12 @@ class _Contest:
             & (np.abs(_row_dot(between, here)) < ABREAST * STEP * unit)
             & (np.abs(_row_dot(here, there)) > np.cos(np.radians(angle)))
         )
+
+    def _directions(self, rows: np.ndarray, grows: np.ndarray) -> np.ndarray:
+        """Take directions at rows (P,), the broad ones where lengths grow, (P,) bool; (P, 2)."""
+        if self.broad is self.direction:
+            return self.direction[rows]
+        return np.where(grows[:, None], self.broad[rows], self.direction[rows])
 
 
 def _row_dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -198,6 +201,7 @@ class _Kept:
 
     def __init__(self, contest: _Contest) -> None:
         self.contest = contest
+        self.xy = np.ascontiguousarray(contest.lines.xy.T)
         self.grids: tuple[list[_Grid], ...] = ([], [], [])
 
     def add(self, rows: np.ndarray) -> None:
@@ -219,7 +223,7 @@ class _Kept:
         """
         contest = self.contest
         lines, asks = contest.lines, contest.asks[contest.lines.of[rows]]
-        x, y = np.ascontiguousarray(lines.xy.T)
+        x, y = self.xy
         for who, what in np.ndindex(contest.reach.shape):
             asked, reach = rows[asks == who], float(contest.reach[who, what])
             for grid in self.grids[what]:
@@ -230,6 +234,8 @@ class _Kept:
                     apart = np.square(x[better] - x[worse]) + np.square(y[better] - y[worse])
                     near = apart <= reach**2 * (1.0 + 1e-9)
                     better, worse = better[near], worse[near]
+                    if not len(better):
+                        continue
                     beside = contest.beside(better, worse)
                     beside &= lines.of[better] != lines.of[worse]
                     yield better[beside], worse[beside]
