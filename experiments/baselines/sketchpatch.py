@@ -214,17 +214,23 @@ def _overlap(grid: Grid, ink: np.ndarray, a: int, b: int) -> int:
 
 
 def stylise(
-    generator: nn.Module, plain: Tensor, maps: Tensor, patch: int, rng: np.random.Generator
+    generator: nn.Module,
+    curves: Tensor,
+    source: Tensor,
+    maps: Tensor,
+    patch: int,
+    rng: np.random.Generator,
 ) -> Tensor:
-    """Draw a canvas (1, 3, H, W) patch by patch, each from what of it is drawn already.
+    """Draw over a source (1, 3, H, W) patch by patch, each from what of it is drawn already.
 
-    Overlaps are blended. A patch whose ink lies in overlaps alone, all drawn already, is drawn too:
-    plain curves are 1 px wide, strokes reach further.
+    Patches are those that hold a pixel of the plain curves (1, 3, H, W), as in training; of these,
+    unlike the source, the ground is exactly 1. Overlaps are blended. A patch whose curves lie in
+    overlaps alone, all drawn already, is drawn too: they are 1 px wide, strokes reach further.
     """
-    height, width = plain.shape[2:]
+    height, width = source.shape[2:]
     grid = Grid.of(height, width, patch)
-    canvas, maps = grid.widened(plain).clone(), grid.widened(maps)
-    ink = (canvas[0].amin(0) < 1).cpu().numpy()
+    canvas, maps = grid.widened(source).clone(), grid.widened(maps)
+    ink = (grid.widened(curves)[0].amin(0) < 1).cpu().numpy()
     drawn = np.zeros(len(grid.corners), bool)
     for i in order(grid, ink, rng):
         rows, columns = grid.cut(i)
@@ -270,7 +276,7 @@ def learn(lesson: Lesson, config: SketchPatchConfig, seed: int, device: str, map
         plain, geometry = shown(sheet, kind)
         rng = np.random.default_rng(seed)
         geometry = geometry[:, : pairs.maps.shape[1]]
-        return picture(stylise(generator, plain, geometry, config.patch, rng))
+        return picture(stylise(generator, plain, plain, geometry, config.patch, rng))
 
     return paint
 
@@ -285,7 +291,7 @@ def learn_two_steps(lesson: Lesson, config: SketchPatchConfig, seed: int, device
     geometry = trained(train(Pairs(plain, mask, maps), where, config, seed))
 
     def strokes(plain: Tensor, maps: Tensor, seed: int) -> Tensor:
-        drawn = stylise(geometry, plain, maps, config.patch, np.random.default_rng(seed))
+        drawn = stylise(geometry, plain, plain, maps, config.patch, np.random.default_rng(seed))
         return drawn.mean(dim=1, keepdim=True).expand(-1, 3, -1, -1)
 
     pairs = Pairs(strokes(plain, maps, seed), images(lesson.drawing, kind), maps)
@@ -294,7 +300,8 @@ def learn_two_steps(lesson: Lesson, config: SketchPatchConfig, seed: int, device
     def paint(sheet: Sheet, seed: int) -> np.ndarray:
         plain, maps = shown(sheet, kind)
         drawn = strokes(plain, maps, seed)
-        return picture(stylise(texture, drawn, maps, config.patch, np.random.default_rng(seed)))
+        rng = np.random.default_rng(seed)
+        return picture(stylise(texture, plain, drawn, maps, config.patch, rng))
 
     return paint
 

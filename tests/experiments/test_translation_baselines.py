@@ -92,11 +92,21 @@ def test_a_canvas_of_patches_has_no_seams(sheet):
 
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        drawn = sketchpatch.stylise(red, plain, thick, 32, rng)
+        drawn = sketchpatch.stylise(red, plain, plain, thick, 32, rng)
         assert torch.allclose(drawn, red(plain), atol=1e-6)
-        drawn = sketchpatch.stylise(told, plain, thick, 32, rng)
+        drawn = sketchpatch.stylise(told, plain, plain, thick, 32, rng)
         assert drawn.shape == plain.shape
         assert (drawn - thick).abs().max() < 1 / 255
+
+
+def test_ground_that_is_not_quite_white_is_left_alone(sheet):
+    """What a first network draws has no ground of exactly 1: patches without a curve stay."""
+    plain, _ = shown(sheet, CPU)
+    source = 0.99 * torch.ones_like(plain)
+    rng = np.random.default_rng(0)
+    drawn = sketchpatch.stylise(lambda x: 0 * x, plain, source, plain[:, :0], 32, rng)
+    assert (drawn[0, 0, 70] < 0.01)[10:86].all()  # along a curve
+    assert (drawn[0, :, :8] == source[0, :, :8]).all()  # far above all of them
 
 
 def test_overlaps_are_blended():
@@ -111,7 +121,7 @@ def test_overlaps_are_blended():
         return torch.full_like(x[:, :3], len(calls) % 2)
 
     maps = torch.ones(1, 0, 96, 96)
-    row = sketchpatch.stylise(checkered, plain, maps, 32, np.random.default_rng(0))[0, 0, 32]
+    row = sketchpatch.stylise(checkered, plain, plain, maps, 32, np.random.default_rng(0))[0, 0, 32]
     assert row.max() == 1 and row.min() == 0
     assert 0.1 < row.diff().abs().max() < 0.16
 
