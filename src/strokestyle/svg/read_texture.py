@@ -240,14 +240,19 @@ def _sampled(image: np.ndarray, attributes: dict[str, str], at: np.ndarray) -> n
     x, y, width, height = image_box(attributes)
     row, vertical = _cubic((at[..., 1] - y) / height * image.shape[0] - 0.5, image.shape[0])
     column, across = _cubic((at[..., 0] - x) / width * image.shape[1] - 0.5, image.shape[1])
-    texel = image[row[..., :, None], column[..., None, :]]
-    ink = _one_ink(texel.reshape(-1, 4))
+    places = row[..., :, None], column[..., None, :]
+    weight = vertical[..., :, None] * across[..., None, :]
+    ink = _one_ink(image.reshape(-1, 4))
+    if ink is None:
+        texel = image[places]
+        ink = _one_ink(texel.reshape(-1, 4))
+    if ink is not None:  # its opacity tells all
+        alpha = image[..., 3].astype(np.float32) / np.float32(255)
+        shown = np.einsum("...ij,...ij->...", alpha[places], weight)
+        return np.clip(shown, 0.0, 1.0)[..., None] * np.r_[ink, 1.0]
     texel = texel.astype(np.float32) / np.float32(255)
-    weight = (vertical[..., :, None] * across[..., None, :])[..., None]
     texel[..., :3] *= texel[..., 3:]
-    color = np.clip((texel * weight).sum(axis=(-3, -2)), 0.0, 1.0)
-    if ink is not None:
-        return color[..., 3:] * np.r_[ink, 1.0]
+    color = np.clip((texel * weight[..., None]).sum(axis=(-3, -2)), 0.0, 1.0)
     return np.minimum(color, color[..., 3:])
 
 
