@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from strokestyle.geometry import curves as curves_module
 from strokestyle.geometry.curves import (  # fmt: skip
@@ -11,6 +12,7 @@ from strokestyle.geometry.curves import (  # fmt: skip
     blocks,
     blurred,
     counting,
+    gaussian,
     is_kind,
     owner,
     resample,
@@ -124,6 +126,15 @@ def test_simplify_all_keeps_of_each_what_simplify_keeps(monkeypatch):
     monkeypatch.setattr(curves_module, "CACHED", 5)  # a block for nearly every line
     in_blocks = simplify_all(np.concatenate(lines), offsets, np.r_[0.8, 0.8, 5.0, 0.8, 0.8, 0.8])
     np.testing.assert_array_equal(in_blocks, apart)
+
+
+@pytest.mark.parametrize("shape", [(0,), (1,), (5,), (200,), (0, 2), (1, 2), (40, 3), (7, 1)])
+@pytest.mark.parametrize("sigma", [0.05, 0.8, 6.0])
+def test_a_gaussian_is_that_of_scipy(shape, sigma):
+    values = np.random.default_rng(2).normal(size=shape)
+    found = gaussian(values, sigma)
+    expected = gaussian_filter1d(values, sigma, axis=0, mode="nearest") if len(values) else values
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("size", [1, 3, 4, 7, 100])

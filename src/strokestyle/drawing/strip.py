@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from ..geometry.curves import arc
 from .ribbon import across, slope_limited_half_widths
@@ -292,6 +291,8 @@ class _LookUp:
         self, layer: np.ndarray, row: np.ndarray, column: np.ndarray, order: int = 1
     ) -> np.ndarray:
         """A layer (rows, columns) at places of one shape; by the nearest texel where order is 0."""
+        from scipy import ndimage
+
         row = row if self.wraps else np.clip(row, 0, self.rows - 1)
         places = [row, np.clip(column, 0, self.columns - 1)]
         mode = "grid-wrap" if self.wraps else "nearest"
@@ -306,6 +307,8 @@ class _LookUp:
 
 def _ink_around(strip: np.ndarray, carry: _Carry) -> np.ndarray:
     """Colour of the ink (rows, columns, 3) about each texel of a premultiplied strip."""
+    from scipy import ndimage
+
     sigma = (2.0 * carry.old_rows / carry.old_length, 1.0, 0)
     near = ndimage.gaussian_filter(strip, sigma) + 1e-4 * strip.mean(axis=(0, 1))
     return straight(near, least=1e-9)[..., :3]
@@ -326,6 +329,8 @@ def _alpha_with_own_grain(
     column : (R, columns) where its tone is read
     grained : (R, columns) where its grain is read across the stroke, stretched but a little
     """
+    from scipy import ndimage
+
     # across, opacity has a shape: what is uneven there is no grain
     sigma = (TONE_BLUR * carry.old_rows / carry.old_length, 1.0)
     tone = ndimage.gaussian_filter(

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import ndimage
 
 from .kinds import KINDS
 
@@ -234,9 +233,28 @@ def blurred(values: np.ndarray, sigma: float, closed: bool = False) -> np.ndarra
     else:
         before, after = values[reach:0:-1], values[-2 : -2 - reach : -1]
         padded = np.concatenate([2 * values[:1] - before, values, 2 * values[-1:] - after])
-    return ndimage.gaussian_filter1d(padded, sigma, axis=0, mode="nearest")[
-        reach : reach + len(values)
-    ]
+    return gaussian(padded, sigma)[reach : reach + len(values)]
+
+
+def gaussian(values: np.ndarray, sigma: float) -> np.ndarray:
+    """Blur values (n,) or (n, d) along rows by a Gaussian of `sigma` rows, cut off at 4 sigma.
+
+    Beyond the first and the last row these are repeated. As scipy.ndimage.gaussian_filter1d does,
+    but to import that takes longer than most drawings are blurred.
+    """
+    values = np.asarray(values, np.float64)
+    if not values.size:
+        return values.copy()
+    radius = int(4 * sigma + 0.5)
+    kernel = np.exp(-0.5 / (sigma * sigma) * np.square(np.arange(-radius, radius + 1)))
+    kernel /= kernel.sum()
+    before, after = (np.repeat(end, radius, axis=0) for end in (values[:1], values[-1:]))
+    longer, count = np.concatenate([before, values, after]), len(values)
+    made = values * kernel[radius]
+    for k in range(radius):  # the same sum at every row, whichever rows are blurred with it
+        other = 2 * radius - k
+        made += (longer[k : k + count] + longer[other : other + count]) * kernel[k]
+    return made
 
 
 def tangents(xy: np.ndarray, offsets: np.ndarray, closed: np.ndarray | None = None) -> np.ndarray:

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from ..extract.view import View
-from ..geometry.curves import Curves, arc_length, is_kind, owner, tangents
+from ..geometry.curves import Curves, arc_length, gaussian, is_kind, owner, tangents
 from ..geometry.kinds import KIND_TABLE
 from .config import StyleConfig
 from .plan import Planned, plan_strokes
@@ -256,7 +255,7 @@ def along_strokes(
         outside = np.flatnonzero(place != inside)
         mirrored = values[(begin + 2 * inside - place)[outside]]
         longer[outside] = 2 * longer[outside] - mirrored
-    smooth = ndimage.gaussian_filter1d(longer, sigma, axis=0, mode="nearest")
+    smooth = gaussian(longer, sigma)
     own = (np.arange(len(stroke)) - first >= radius) & (
         np.arange(len(stroke)) - first < radius + count[stroke]
     )

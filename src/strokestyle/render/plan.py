@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import Curves, arc, blurred, resample, simplify
@@ -160,7 +160,8 @@ def corners(xy: np.ndarray, degrees: float, span: int) -> np.ndarray:
     if len(xy) < 2 * span + 1:
         return np.zeros(0, np.int64)
     turn = turns(xy, span)[span:-span]
-    sharpest = ndimage.maximum_filter1d(turn, 2 * span + 1)
+    padded = np.pad(turn, span, constant_values=-np.inf)
+    sharpest = sliding_window_view(padded, 2 * span + 1).max(axis=1)
     found = np.flatnonzero((turn > degrees) & (turn == sharpest)) + span
     return found[np.r_[True, np.diff(found) > span]] if len(found) else found
 

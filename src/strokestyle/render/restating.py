@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
+from ..geometry.curves import gaussian
 from .plan import Planned
 
 WAVES = 4.0  # wavelengths of slow noise are this many of the Gaussians that make it
@@ -86,6 +86,6 @@ def _slow_noise(count: int, sigma: float, rng: np.random.Generator) -> np.ndarra
     """Gaussian noise (count, 2) of variance 1, white noise under a Gaussian of `sigma` points."""
     margin = int(np.ceil(4 * sigma))
     white = rng.standard_normal((count + 2 * margin, 2))
-    smooth = gaussian_filter1d(white, sigma, axis=0, mode="wrap")[margin : margin + count]
-    kernel = gaussian_filter1d(np.eye(1, 2 * margin + 1, margin)[0], sigma, mode="constant")
+    smooth = gaussian(white, sigma)[margin : margin + count]
+    kernel = gaussian(np.eye(1, 2 * margin + 1, margin)[0], sigma)
     return smooth / np.sqrt((kernel**2).sum())

@@ -11,11 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from ..drawing.ribbon import across, ribbon
 from ..drawing.strokes import Strokes
-from ..geometry.curves import arc, owner
+from ..geometry.curves import arc, gaussian, owner
 from .plan import PULL
 
 ROWS = 2  # texels a px along a strip, and about as many across
@@ -213,10 +212,8 @@ def smooth_rows(
     weight = np.ones(len(values)) if weight is None else weight
     out = np.empty_like(values, dtype=np.float64)
     for a, b in zip(offsets[:-1], offsets[1:], strict=True):
-        w = ndimage.gaussian_filter1d(weight[a:b], sigma, axis=0, mode="nearest")
-        total = ndimage.gaussian_filter1d(
-            values[a:b] * weight[a:b, None], sigma, axis=0, mode="nearest"
-        )
+        w = gaussian(weight[a:b], sigma)
+        total = gaussian(values[a:b] * weight[a:b, None], sigma)
         out[a:b] = total / np.maximum(w, 1e-9)[:, None]
     return out
 

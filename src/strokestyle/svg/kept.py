@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import ndimage
 
 from ..drawing.strokes import Drawing
 from .format import SvgOptions
@@ -119,6 +118,8 @@ def _is_same_strip(strip: np.ndarray | None, was: np.ndarray | None) -> bool:
         return False
     if columns == before:
         return np.array_equal(strip, was)
+    from scipy import ndimage
+
     now, then = (_premultiplied(texels) for texels in (strip, was))
     place = np.clip((np.arange(columns) + 0.5) / columns * before, 0, before - 1).astype(np.int64)
     low, high = (

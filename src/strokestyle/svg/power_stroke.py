@@ -14,7 +14,6 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from ..drawing.strokes import Strokes, merge_coincident_points
 from ..geometry.bezier import fit_lines
@@ -222,6 +221,8 @@ def _sides(spine: _Spine, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     A PowerStroke's sides are that far from the skeleton, while a disc of radius r reaches
     sqrt(r^2 - d^2) at the distance d along it: more than the radius there where widths change.
     """
+    from scipy import ndimage
+
     count = int(min(np.ceil(along[-1] / SIDE_STEP), MAX_SIDES)) + 1
     place, step = np.linspace(0.0, along[-1], count, retstep=True)
     square = np.square(np.interp(place, along, spine.half))
