@@ -9,9 +9,9 @@ they are from), with the plain curves, and with each method in OUT. Mean of the 
 them. The artist is as far from herself at any N; what FID says more at a small N is bias.
 
 The last column is what FID would be of endless drawings: it is linear in 1 / N to first order, and
-the line through the means is followed to 1 / N = 0 (Chong & Forsyth, Effectively unbiased FID and
-Inception Score and where to find them, CVPR 2020, sec. 3). With fewer drawings than features even
-that is rough. KID (times 1000) needs no such help."""
+the line through the larger N's means is followed to 1 / N = 0 (Chong & Forsyth, Effectively
+unbiased FID and Inception Score and where to find them, CVPR 2020, sec. 3). With fewer drawings
+than features even that is rough. KID (times 1000) needs no such help."""
 
 import argparse
 import sys
@@ -46,10 +46,12 @@ def sizes_of(count: int, apart: bool) -> list[int]:
 
 
 def extrapolated(sizes: list[int], means: list[float]) -> float:
-    """Follow the line through (1 / N, mean) to 1 / N = 0."""
-    if len(sizes) < 2:
+    """Follow the line through (1 / N, mean) to 1 / N = 0, of N from a third of the largest on."""
+    held = [k for k, n in enumerate(sizes) if 3 * n >= max(sizes)]
+    if len(held) < 2:
         return float("nan")
-    return float(np.polynomial.polynomial.polyfit(1 / np.array(sizes), means, 1)[0])
+    n, y = (np.array(values)[held] for values in (sizes, means))
+    return float(np.polynomial.polynomial.polyfit(1 / n, y, 1)[0])
 
 
 def fid_of(a: Features, b: Features) -> Measure:
@@ -91,8 +93,7 @@ def cells_of(found: dict, sizes: list[int], digits: int) -> list[str]:
         low, high = np.percentile(values, [2.5, 97.5])
         spread = f" ({number(low, digits)} .. {number(high, digits)})" if len(values) > 1 else ""
         cells.append(number(float(np.mean(values)), digits) + spread)
-    means = [float(np.mean(values)) for values in found.values()]
-    return [*cells, number(extrapolated(list(found), means), digits)]
+    return cells
 
 
 def lines_of(
@@ -164,8 +165,12 @@ def run(options: argparse.Namespace) -> None:
     for label, row in rows.items():
         found |= lines_of(label, looks, pairs_of(row), options, False)
     sizes = sorted({n for line in found.values() for n in line})
-    head = ["drawings, N", *map(str, sizes), "N without end"]
-    print(table(head, [[name, *cells_of(line, sizes, 1)] for name, line in sorted(found.items())]))
+    lines = []
+    for name, line in sorted(found.items()):
+        end = extrapolated(list(line), [float(np.mean(values)) for values in line.values()])
+        ended = "–" if name.startswith("KID") else number(end, 1)
+        lines.append([name, *cells_of(line, sizes, 1), ended])
+    print(table(["drawings, N", *map(str, sizes), "N without end"], lines))
     if options.plot:
         write_bytes(options.plot, plot(found).encode())
 

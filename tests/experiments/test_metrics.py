@@ -186,5 +186,6 @@ def test_marks_tell_a_thick_line_from_a_thin_one():
 
 def test_fid_without_end():
     """A line in 1 / N is followed to its end."""
-    sizes = [5, 10, 20]
-    assert fid_bias.extrapolated(sizes, [7 + 30 / n for n in sizes]) == pytest.approx(7)
+    sizes = [3, 10, 20]
+    assert fid_bias.extrapolated(sizes, [99, 10, 8.5]) == pytest.approx(7)  # 7 + 30 / N; not of 3
+    assert np.isnan(fid_bias.extrapolated([3], [1.0]))
