@@ -62,13 +62,15 @@ def lesson(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", PAPERS)
-def test_each_variant_learns_both_stages(name):
-    view, losses = a_view(), Losses()
-    variant = tiny(name, geometry_steps=20, texture_steps=20, rate=1e-2)
+def test_each_variant_learns(name):
+    """Its geometry, and where its texture network is not the paper's, that too."""
+    losses, painted = Losses(), name in ("paper", "paper_no_surface_features")
+    variant = tiny(name, geometry_steps=20, texture_steps=20 if painted else 1, rate=1e-2)
     made = Networks.untrained(variant.networks, 0, CPU)
-    exercise = Exercise.of(view, a_drawing(view, 7.0), CPU)
+    exercise = Exercise.of(a_view(), a_drawing(a_view(), 7.0), CPU)
     train(made, exercise, variant.on(SIZE), 0, losses, Checkpoint())
-    for loss in (losses.of("geometry", "mask"), losses.of("texture", "color")):
+    stages = [("geometry", "mask"), ("texture", "color")]
+    for loss in (losses.of(*stage) for stage in stages[: 1 + painted]):
         assert np.mean(loss[-5:]) < 0.8 * np.mean(loss[:5])
 
 
