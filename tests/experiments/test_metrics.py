@@ -1,5 +1,9 @@
 """Metrics: closed forms, two roads to one number, and values that others have published."""
 
+import importlib.util
+import os
+from pathlib import Path
+
 import fid_bias
 import numpy as np
 import pytest
@@ -8,10 +12,10 @@ from metrics.bootstrap import interval, resampled
 from metrics.frechet import frechet_distance
 from metrics.inception import Inception, resized
 from metrics.kid import PairedKid, kid
-from metrics.lpips import Lpips
+from metrics.lpips import SCALE, SHIFT, Lpips
 from metrics.marks import marks_distance, marks_of
 from metrics.patches import inked_patches
-from metrics.weights import NoWeights
+from metrics.weights import NoWeights, load_convolutions, load_heads
 from scipy.linalg import sqrtm
 
 torch = pytest.importorskip("torch")
@@ -189,3 +193,24 @@ def test_fid_without_end():
     sizes = [3, 10, 20]
     assert fid_bias.extrapolated(sizes, [99, 10, 8.5]) == pytest.approx(7)  # 7 + 30 / N; not of 3
     assert np.isnan(fid_bias.extrapolated([3], [1.0]))
+
+
+@pytest.mark.skipif("STROKESTYLE_SHARED" not in os.environ, reason="STROKESTYLE_SHARED is not set")
+def test_marks_and_lpips_are_those_of_the_shared_score():
+    path = Path(os.environ["STROKESTYLE_SHARED"]) / "tools" / "score.py"
+    spec = importlib.util.spec_from_file_location("shared_score", path)
+    score = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(score)
+    net, theirs = network(Lpips, "alexnet"), object.__new__(score.AlexLPIPS)
+    theirs.conv, theirs.head = load_convolutions("alexnet"), load_heads("alexnet")
+    theirs.shift, theirs.scale = (torch.tensor(v).view(1, 3, 1, 1) for v in (SHIFT, SCALE))
+    images = np.ones((2, 768, 768, 3), np.float32)
+    images[0, 100:110, 50:700], images[1, 300:700, 200:204] = [0.2, 0.1, 0.4], 0.3
+    tensors = [torch.tensor(image).permute(2, 0, 1) for image in images]
+    with torch.no_grad():
+        want = [theirs.marks(tensor) for tensor in tensors]
+        assert net.distance(*images) == pytest.approx(theirs.distance(*tensors), rel=1e-5)
+    found = [marks_of(net, image) for image in images]
+    assert [x.shape for x in found] == [x.shape for x in want]
+    assert np.abs(found[0] - want[0]).max() < 1e-4
+    assert marks_distance(*found) == pytest.approx(score.frechet(*want), rel=1e-3)
