@@ -15,6 +15,7 @@ import os
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from PIL import Image
@@ -30,10 +31,14 @@ from strokestyle.render.curve_file import load_curves
 
 @dataclass(frozen=True)
 class Sheet:
-    """A shape from its camera: what every method gets to draw on."""
+    """A shape from its camera: what every method gets to draw on.
+
+    folder : of the shape's files, for the same picture at another size
+    """
 
     shape: str
     view: View
+    folder: Path | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -50,6 +55,14 @@ class Sheet:
         """The paper's geometry maps (8, H, W) float32, in [0, 1] on the shape, ground 1."""
         return np.stack([self.view.maps[name] for name in NEURAL_STROKES_MAPS])
 
+    def at(self, size: int) -> "Sheet":
+        """The same picture with a longer side of `size` px."""
+        if size == max(self.size):
+            return self
+        if self.folder is None:
+            raise ValueError(f"{self.shape}: without its files it has one size alone")
+        return Sheet(self.shape, _view(self.folder, size), self.folder)
+
 
 @dataclass(frozen=True)
 class Lesson:
@@ -64,15 +77,23 @@ class Lesson:
     drawing: np.ndarray
     path: Path
 
-    def exemplar(self) -> Exemplar:
-        """The drawing as `strokestyle fit` reads it: ink, opacity, mask."""
-        view = self.sheet.view
-        return load_exemplar(self.path, *self.sheet.size, view.curves.xy[view.required])[0]
+    def exemplar(self, sheet: Sheet | None = None) -> Exemplar:
+        """What `strokestyle fit` reads in the drawing: ink, opacity, mask.
+
+        `sheet` is the same at another size: the drawing, as it is here, is enlarged to it, as `fit`
+        does with a drawing that is smaller than its canvas.
+        """
+        if sheet is None:
+            return _on(self.path, self.sheet)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / self.path.name
+            Image.fromarray((255 * self.drawing).round().astype(np.uint8)).save(path)
+            return _on(path, sheet)
 
     def at(self, size: int) -> "Lesson":
-        """The same drawing, with a longer side of `size` px."""
-        root = self.path.parents[3]
-        return DataSet(root, self.sheet.shape, size).lesson(self.style)
+        """The same drawing, as its file has it, with a longer side of `size` px."""
+        sheet = self.sheet.at(size)
+        return Lesson(self.style, sheet, read_image(self.path, sheet.size), self.path)
 
 
 class DataSet:
@@ -106,7 +127,8 @@ class DataSet:
     def sheet(self, shape: str) -> Sheet:
         """The sheet of a shape; made once."""
         if shape not in self._sheets:
-            self._sheets[shape] = Sheet(shape, self._view(self.root / "shapes" / shape))
+            folder = self.root / "shapes" / shape
+            self._sheets[shape] = Sheet(shape, _view(folder, self.size), folder)
         return self._sheets[shape]
 
     def lesson(self, style: str) -> Lesson:
@@ -119,14 +141,19 @@ class DataSet:
         """Where the artist's drawing is."""
         return self.root / "styles" / style / shape / "drawing.png"
 
-    def _view(self, folder: Path) -> View:
-        surface, camera = load_surface(folder / "mesh.obj"), Camera.load(folder / "camera.json")
-        if self.size is not None:
-            camera = resized(camera, self.size)
-        if not (folder / "curves.json").exists():
-            return extract_view(surface, camera)
-        curves = load_curves(folder / "curves.json", (camera.width, camera.height))
-        return view_of_curves(surface, camera, curves)
+
+def _view(folder: Path, size: int | None) -> View:
+    surface, camera = load_surface(folder / "mesh.obj"), Camera.load(folder / "camera.json")
+    if size is not None:
+        camera = resized(camera, size)
+    if not (folder / "curves.json").exists():
+        return extract_view(surface, camera)
+    curves = load_curves(folder / "curves.json", (camera.width, camera.height))
+    return view_of_curves(surface, camera, curves)
+
+
+def _on(drawing: Path, sheet: Sheet) -> Exemplar:
+    return load_exemplar(drawing, *sheet.size, sheet.view.curves.xy[sheet.view.required])[0]
 
 
 def resized(camera: Camera, size: int) -> Camera:

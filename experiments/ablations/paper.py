@@ -155,7 +155,7 @@ def learn(lesson: Lesson, variant: Variant, seed: int, device: str) -> Painter:
 def paint(style: NeuralStrokesStyle, sheet: Sheet, seed: int) -> np.ndarray:
     """Draw a sheet, (H, W, 3) uint8; there is no chance in it, so that `seed` changes nothing."""
     if not isinstance(style.geometry, NoStrokes):
-        return rastered(style.draw(sheet.view, seed))
+        return rastered(style.draw(sheet.view, seed), sheet.size)
     view = style.choose(sheet.view)
     device = next(style.geometry.parameters()).device
     maps = view_maps(view, device)

@@ -151,7 +151,7 @@ def test_without_correspondence_strokes_stay_on_their_curves():
 
 def test_our_strokes_are_painted_by_the_papers_network(lesson):
     settings = METHODS["ours_network_texture"].reduced
-    settings = replace(settings, texture=tiny("paper"))
+    settings = replace(settings, texture=tiny("paper"), canvas=None)
     painter = learn_network_texture(lesson, settings, 0, "cpu")
     image = painter(lesson.sheet, 0)
     far = lesson.sheet.view.maps["plain"][:24].max() == 0

@@ -96,6 +96,17 @@ def test_all_images_of_a_lesson_have_the_size_that_was_asked_for(made):
     assert lesson.drawing[lesson.sheet.plain < 0.3].mean() < 0.6
 
 
+def test_a_small_drawing_is_read_on_a_larger_canvas_and_no_better_than_it_is(made):
+    lesson = DataSet(made, "tall", 32).lesson("plain")
+    large, whole = lesson.sheet.at(SIZE), lesson.at(SIZE)
+    assert large.size == (SIZE, SIZE) and large.at(SIZE) is large
+    enlarged, sharp = lesson.exemplar(large), whole.exemplar()
+    assert enlarged.mask.shape == sharp.mask.shape == (SIZE, SIZE)
+    # what 32 px cannot hold is not there: lines of 1 px of 128 are spread over several
+    lines = large.plain < 0.1
+    assert sharp.alpha[lines].mean() > 1.5 * enlarged.alpha[lines].mean() > 0.1
+
+
 def test_without_a_description_the_training_shape_must_be_named(copied):
     (copied / "dataset.json").unlink()
     with pytest.raises(ValueError, match="which of flat, tall are styles learned from"):
