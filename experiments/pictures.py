@@ -19,7 +19,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from strokestyle.files import write_bytes
 
-GAP, HEAD, FONT = 8, 22, 14  # px
+GAP, LINE, FONT = 8, 18, 14  # px
 PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>Methods side by side</title>
 <style>body{{font:16px/1.4 system-ui,sans-serif;margin:1rem}}img{{max-width:none}}
@@ -31,20 +31,36 @@ figure{{margin:0 0 2rem;overflow-x:auto}}</style>
 
 
 def side_by_side(rows: list[list[np.ndarray | None]], labels: list[str]) -> Image.Image:
-    """Lay images (H, W, 3) of one size out in rows, under one row of labels; None stays empty."""
+    """Lay images (H, W, 3) of one size out in rows, under labels; None stays empty."""
+    font = ImageFont.load_default(FONT)
     height, width = next(image for row in rows for image in row if image is not None).shape[:2]
     across, down = width + GAP, height + GAP
-    size = len(labels) * across + GAP, HEAD + len(rows) * down + GAP
+    lines = [wrapped(label, font, width) for label in labels]
+    head = LINE * max(map(len, lines)) + GAP
+    size = len(labels) * across + GAP, head + len(rows) * down
     sheet = Image.new("RGB", size, (225, 225, 225))
-    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(FONT)
-    for j, label in enumerate(labels):
-        pen.text((GAP + j * across, 3), label, "black", font)
+    pen = ImageDraw.Draw(sheet)
+    for j, label in enumerate(lines):
+        for i, line in enumerate(label):
+            pen.text((GAP + j * across, 3 + i * LINE), line, "black", font)
         for i, row in enumerate(rows):
             image = row[j]
             if image is not None:
-                where = GAP + j * across, HEAD + i * down
+                where = GAP + j * across, head + i * down
                 sheet.paste(Image.fromarray((255 * image).round().astype(np.uint8)), where)
     return sheet
+
+
+def wrapped(text: str, font: ImageFont.FreeTypeFont, width: int) -> list[str]:
+    """Break a text into lines of at most `width` px, between words."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and font.getlength(longer) > width:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
 
 
 def style_sheet(data: DataSet, out: Path, style: str, methods: dict[str, str]) -> Image.Image:

@@ -10,8 +10,8 @@ import methods
 import numpy as np
 import pytest
 from build_dataset import add_shape, describe
-from pictures import side_by_side
-from PIL import Image
+from pictures import side_by_side, wrapped
+from PIL import Image, ImageFont
 from solids import box
 
 EXPERIMENTS = Path(__file__).parent.parent.parent / "experiments"
@@ -111,4 +111,12 @@ def test_pictures_stand_under_their_labels():
     is_blue = (sheet == [0, 0, 255]).all(axis=2)
     assert is_red.sum() == 2 * 600 and is_blue.sum() == 600
     rows, columns = np.nonzero(is_blue)
-    assert columns.min() > sheet.shape[1] / 2 - 10 and rows.max() < 22 + 20
+    assert columns.min() > sheet.shape[1] / 2 - 10 and rows.max() < sheet.shape[0] - 20
+
+
+def test_labels_are_broken_between_words():
+    font = ImageFont.load_default(14)
+    lines = wrapped("the texture network in place of texture by example", font, 100)
+    assert " ".join(lines) == "the texture network in place of texture by example"
+    assert len(lines) > 2 and all(font.getlength(line) <= 100 for line in lines)
+    assert wrapped("Gesamtkunstwerkstilvergleich", font, 20) == ["Gesamtkunstwerkstilvergleich"]
