@@ -71,9 +71,12 @@ def obj_text(surface: Surface) -> str:
 
 
 def add_shape(folder: Path, mesh: Path, view: str, size: int) -> None:
-    """Lay a mesh into the folder of its shape."""
+    """Lay a mesh into the folder of its shape. Raises ValueError where there is one already."""
+    if (folder / "mesh.obj").exists():
+        raise ValueError(f"{folder}: there already; remove it, or rename {mesh}")
+    text = obj_text(load_surface(mesh))
     folder.mkdir(parents=True, exist_ok=True)
-    write_bytes(folder / "mesh.obj", obj_text(load_surface(mesh)).encode())
+    write_bytes(folder / "mesh.obj", text.encode())
     surface = load_surface(folder / "mesh.obj")
     seen = extract_view(surface, aimed_camera(surface, view, size))
     write_bytes(folder / "camera.json", _json(seen.camera.to_dict()))

@@ -87,7 +87,7 @@ def _draw_style(job: Job) -> dict:
 def jobs_to_do(methods: dict[str, Method], options: argparse.Namespace) -> list[Job]:
     """What is not there yet. Raises ValueError where what is there has other settings."""
     data = data_of(options)
-    styles = options.styles.split(",") if options.styles else data.styles()
+    styles = data.chosen_styles(options.styles)
     to_do = []
     for name, method in methods.items():
         folder = options.out / name
@@ -126,6 +126,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="styles learned at the same time")
     parser.add_argument("--list", action="store_true", help="name the methods, and do nothing")
     options = parser.parse_args()
+    if options.jobs < 1:
+        parser.error("--jobs is 1 or more")
     try:
         methods = chosen_methods(options.methods)
         if options.list:
@@ -135,7 +137,7 @@ def main() -> None:
         if options.out is None:
             parser.error("give OUT")
         to_do = jobs_to_do(methods, options)
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         sys.exit(str(error))
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"

@@ -12,6 +12,7 @@ training shape where none is given."""
 import argparse
 import json
 import os
+import sys
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -112,8 +113,27 @@ class DataSet:
         """Names of all styles that have a drawing of their training shape."""
         there = {path.parent.parent.name for path in self.root.glob("styles/*/*/drawing.png")}
         if isinstance(self.train, dict):
-            return sorted(there & set(self.train))
-        return sorted(s for s in there if self.drawing_path(s, self.train).exists())
+            there &= set(self.train)
+        return sorted(s for s in there if self.drawing_path(s, self.train_of(s)).exists())
+
+    def chosen_styles(self, names: str | None) -> list[str]:
+        """The styles of a comma-separated list, or all, that have a drawing to be tested on.
+
+        Raises ValueError where one of the list is not there, or there is none."""
+        there = self.styles()
+        unknown = sorted(set(names.split(",")) - set(there)) if names else []
+        if unknown or not there:
+            raise ValueError(
+                f"{self.root}: no style {', '.join(unknown) or 'with a drawing to learn from'}; "
+                f"training on {self.train}, there are {', '.join(there) or 'none'}"
+            )
+        chosen = names.split(",") if names else there
+        untested = [style for style in chosen if not self.tests(style)]
+        if untested and (names or untested == there):
+            raise ValueError(f"{self.root}: no drawing to test {', '.join(untested)} on")
+        if untested:
+            print(f"left out, no drawing to test on: {', '.join(untested)}", file=sys.stderr)
+        return [style for style in chosen if style not in untested]
 
     def train_of(self, style: str) -> str:
         """The shape that a style is learned from."""
@@ -181,6 +201,8 @@ def add_data_options(parser: argparse.ArgumentParser) -> None:
 
 def data_of(options: argparse.Namespace) -> DataSet:
     """The data set of a script's options. Raises ValueError, saying what is missing."""
+    if options.size < 16:
+        raise ValueError(f"--size {options.size}: images have 16 px or more")
     if options.data is None:
         raise ValueError("give --data DATA, or set STROKESTYLE_SHARED")
     return DataSet(Path(options.data), options.train or described_train(options.data), options.size)
@@ -190,7 +212,10 @@ def described_train(root: Path) -> str | dict[str, str]:
     """The training shape, or that of each style, as a data set is described. Raises ValueError."""
     described = Path(root) / "dataset.json"
     if described.exists():
-        return json.loads(described.read_text())["train"]
+        try:
+            return json.loads(described.read_text())["train"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{described}: not a description: {error!r}") from None
     shapes = sorted({path.parent.name for path in Path(root).glob("styles/*/*/drawing.png")})
     raise ValueError(
         f"{root}: which of {', '.join(shapes) or 'no shapes'} are styles learned from? "

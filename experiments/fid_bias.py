@@ -148,7 +148,7 @@ def plot(found: dict[str, dict]) -> str:
 def run(options: argparse.Namespace) -> None:
     """Measure and print. Raises ValueError and `NoWeights`."""
     data = data_of(options)
-    keys = [(style, shape) for style in data.styles() for shape in data.tests(style)]
+    keys = [(style, shape) for style in data.chosen_styles(None) for shape in data.tests(style)]
     methods = options.methods.split(",") if options.methods else method_folders(options.out)
     artist = read_drawings(data, keys, data.drawing_path)
     looks, found = Looks(options.out / ".looks"), {}

@@ -206,7 +206,7 @@ def run(options: argparse.Namespace) -> None:
     """Measure what the options name. Raises ValueError and `NoWeights`."""
     data = data_of(options)
     chance = Chance(options.resamples, options.seed)
-    styles = options.styles.split(",") if options.styles else data.styles()
+    styles = data.chosen_styles(options.styles)
     keys = [(style, shape) for style in styles for shape in data.tests(style)]
     methods = options.methods.split(",") if options.methods else method_folders(options.out)
     artist = read_drawings(data, keys, data.drawing_path)
@@ -239,7 +239,7 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     try:
         run(parser.parse_args())
-    except (ValueError, NoWeights) as error:
+    except (OSError, ValueError, NoWeights) as error:
         sys.exit(str(error))
 
 

@@ -31,9 +31,9 @@ figure{{margin:0 0 2rem;overflow-x:auto}}</style>
 
 
 def side_by_side(rows: list[list[np.ndarray | None]], labels: list[str]) -> Image.Image:
-    """Lay images (H, W, 3) of one size out in rows, under labels; None stays empty."""
+    """Lay images (H, W, 3) out in rows, under labels; None stays empty."""
     font = ImageFont.load_default(FONT)
-    height, width = next(image for row in rows for image in row if image is not None).shape[:2]
+    height, width = np.max([x.shape[:2] for row in rows for x in row if x is not None], axis=0)
     across, down = width + GAP, height + GAP
     lines = [wrapped(label, font, width) for label in labels]
     head = LINE * max(map(len, lines)) + GAP
@@ -85,15 +85,18 @@ def main() -> None:
     add_data_options(parser)
     parser.add_argument("--methods", help="comma-separated; all that there are in OUT by default")
     parser.add_argument("--styles", help="comma-separated; all by default")
-    args = parser.parse_args()
     try:
-        data, methods = data_of(args), chosen_methods(args.methods)
-    except ValueError as error:
+        run(parser.parse_args())
+    except (OSError, ValueError) as error:
         sys.exit(str(error))
+
+
+def run(args: argparse.Namespace) -> None:
+    """Write the pictures that the options name. Raises OSError and ValueError."""
+    data, methods = data_of(args), chosen_methods(args.methods)
     labels = {n: m.label for n, m in methods.items() if args.methods or (args.out / n).exists()}
-    styles = args.styles.split(",") if args.styles else data.styles()
     figures = []
-    for style in styles:
+    for style in data.chosen_styles(args.styles):
         file = io.BytesIO()
         style_sheet(data, args.out, style, labels).save(file, "PNG", optimize=True)
         write_bytes(_folder(args.out) / f"{style}.png", file.getvalue())

@@ -96,6 +96,12 @@ def test_a_style_that_fails_is_told_and_the_others_are_drawn(tmp_path, data):
     assert (out / "trace" / "red" / "flat.png").exists()
 
 
+def test_a_style_that_is_not_there_is_told_and_nothing_is_written(tmp_path, data):
+    out, ran = run(tmp_path, data, "--styles", "green")
+    assert ran.returncode == 1 and "no style green" in ran.stderr
+    assert "Traceback" not in ran.stderr and not out.exists()
+
+
 def test_methods_are_chosen_by_name_in_the_order_asked_for(monkeypatch):
     monkeypatch.setattr(methods, "all_methods", lambda: {"a": 1, "b": 2, "c": 3})
     assert methods.chosen_methods(None) == {"a": 1, "b": 2, "c": 3}
@@ -112,6 +118,10 @@ def test_pictures_stand_under_their_labels():
     assert is_red.sum() == 2 * 600 and is_blue.sum() == 600
     rows, columns = np.nonzero(is_blue)
     assert columns.min() > sheet.shape[1] / 2 - 10 and rows.max() < sheet.shape[0] - 20
+    # shapes of other proportions do not cover one another
+    wide = np.full((10, 50, 3), (0, 0, 1), np.float32)
+    sheet = np.asarray(side_by_side([[red, red], [wide, wide]], ["a", "b"]))
+    assert (sheet == [0, 0, 255]).all(axis=2).sum() == 2 * 500
 
 
 def test_labels_are_broken_between_words():

@@ -114,6 +114,37 @@ def test_without_a_description_the_training_shape_must_be_named(copied):
     assert any("missing" in line for line in problems(copied))
 
 
+@pytest.mark.parametrize("text", ["{", "{}", "[]"])
+def test_a_description_that_is_none_is_named(copied, text):
+    (copied / "dataset.json").write_text(text)
+    with pytest.raises(ValueError, match=r"dataset\.json: not a description"):
+        data_of(argparse.Namespace(data=copied, train=None, size=64))
+
+
+def test_styles_are_those_that_can_be_tested_and_others_are_told(copied, capsys):
+    shutil.copytree(copied / "styles" / "plain" / "tall", copied / "styles" / "lone" / "tall")
+    data = DataSet(copied, "tall", 64)
+    assert data.chosen_styles(None) == data.chosen_styles("plain") == ["plain"]
+    assert "left out, no drawing to test on: lone" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="no drawing to test lone on"):
+        data.chosen_styles("plain,lone")
+    with pytest.raises(ValueError, match="no style plane; .* there are lone, plain"):
+        data.chosen_styles("plain,plane")
+    with pytest.raises(ValueError, match="training on cow, there are none"):
+        DataSet(copied, "cow", 64).chosen_styles(None)
+
+
+def test_a_shape_is_not_laid_over_another_and_a_bad_mesh_leaves_nothing(copied):
+    there = copied / "shapes" / "tall"
+    before = (there / "camera.json").read_bytes()
+    with pytest.raises(ValueError, match="there already"):
+        add_shape(there, there / "mesh.obj", "front", SIZE)
+    assert (there / "camera.json").read_bytes() == before
+    with pytest.raises((OSError, ValueError)):
+        add_shape(copied / "shapes" / "new", copied / "none.obj", "front", SIZE)
+    assert not (copied / "shapes" / "new").exists()
+
+
 def moved_mesh(root):
     path = root / "shapes" / "tall" / "mesh.obj"
     lines = path.read_text().splitlines()

@@ -55,6 +55,9 @@ class Data:
     def styles(self):
         return ["a", "b", "c"]
 
+    def chosen_styles(self, names):
+        return names.split(",") if names else self.styles()
+
     def tests(self, style):
         return ["x", "y", "z"]
 
