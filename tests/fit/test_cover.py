@@ -50,6 +50,14 @@ def test_dots_points_that_repeat_and_strokes_outside():
         assert theirs == pytest.approx(ours, abs=2e-5)
 
 
+def test_points_a_hair_apart_of_other_thickness():
+    xy = np.array([[8, 8.2], [20.3, 9.5], [20.3004, 9.5], [31, 15]])
+    images, slopes = zip(*(out[:2] for out in both(xy, np.array([3, 4, 6, 5.0]), np.array([0, 4]))),
+                         strict=True)  # fmt: skip
+    assert images[1] == pytest.approx(images[0], abs=2e-5)
+    assert slopes[1] == pytest.approx(slopes[0], rel=1e-3, abs=1e-3)
+
+
 def test_no_strokes_cover_nothing():
     cover = cover_strokes(np.zeros((0, 2)), np.zeros(0), np.zeros(1, int), SIZE, SIZE)
     assert len(cover.pixel) == 0

@@ -194,13 +194,15 @@ def test_the_misfit_is_a_mean_over_levels_per_pixel_of_ink():
             assert len(target.masks) == len(target.weights) == levels
 
 
-@pytest.mark.parametrize("size", [(HEIGHT, WIDTH), (HEIGHT - 17, WIDTH - 53)])
-def test_the_derivatives_are_differences_of_the_loss(size):
+@pytest.mark.parametrize(
+    "size, levels", [((HEIGHT, WIDTH), 3), ((HEIGHT - 17, WIDTH - 53), 3), ((HEIGHT, WIDTH), 1)]
+)
+def test_the_derivatives_are_differences_of_the_loss(size, levels):
     """On even and odd canvases, whose pyramids end with whole and with half pixels."""
     strokes, rng = two_lines(past=2), np.random.default_rng(3)
     mask = rng.random((HEIGHT, WIDTH))[: size[0], : size[1]]
     frame = frame_of(strokes)
-    target = MaskPyramid.of(mask, strokes.xy, 3)
+    target = MaskPyramid.of(mask, strokes.xy, levels)
     loss = TraceLoss(target, frame, start_of(frame), 0.3)
     at = [rng.normal(0, 1, len(strokes.xy)), rng.normal(0, 0.2, len(strokes.xy))]
     got = loss(*at)
