@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 from svg_programs import small
 
+from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.ribbon import overlaps, ribbon, strip_points
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture
 from strokestyle.geometry.affine import IDENTITY
@@ -254,3 +255,81 @@ def test_the_look_that_a_hand_gave_a_stroke_is_read():
     assert np.ptp(at[..., 1]) > 7  # which the new bar covers in part only
     green = read_svg(drawn).texture.rgba[..., 1] > 250
     assert 0.2 < green.mean() < 0.9
+
+
+CROSSING = line([10, 50], [70, 50], [70, 90], [40, 90], [40, 10])
+
+
+def ungrouped(text):
+    """As Inkscape's Ungroup leaves it: what a group had, its shapes have."""
+    return re.sub(
+        r'<g id="[^"]*" class="stroke" (fill="#[0-9a-f]*")>\s*(.*?)\s*</g>',
+        lambda group: re.sub("<(path|image) ", rf"<\1 {group[1]} ", group[2]),
+        text,
+        flags=re.DOTALL,
+    )
+
+
+def inked(color, strokes=CROSSING):
+    drawing = textured(strokes)
+    drawing.texture.rgba[..., :3] = color
+    return Drawing(strokes, drawing.size, [[*np.divide(color, 255), 1]], drawing.texture)
+
+
+@pytest.mark.parametrize("encoding", ["vector", "image"])
+def test_a_strip_that_is_told_has_the_ink_that_is_drawn(encoding):
+    text = write_svg(inked([180, 60, 20]), texture=encoding)
+    assert "data-ss-texture" in text
+    want = read_svg(text)
+    got = read_svg(ungrouped(text))
+    assert np.array_equal(got.texture.rgba, want.texture.rgba)
+    assert got.color == pytest.approx(want.color, abs=0.002)
+    recoloured = read_svg(text.replace('fill="#b43c14"', 'fill="#0000ff"')).texture.rgba
+    assert (recoloured[..., 2] == (255 if encoding == "vector" else 20)).all()  # images stay
+
+
+@pytest.mark.parametrize("encoding", ["vector", "image"])
+@pytest.mark.parametrize("strokes", [CROSSING, line([10, 50], [90, 50])])
+def test_shapes_without_their_group_may_be_made_paler(encoding, strokes):
+    text = ungrouped(write_svg(inked([255, 0, 40], strokes), texture=encoding))
+    paler = text.replace(' style="opacity:1"', "")
+    paler = re.sub("<(path|image) ", r'<\1 style="opacity:.5" ', paler)
+    full, half = (read_svg(each) for each in (text, paler))
+    assert half.color == pytest.approx(full.color * [1, 1, 1, 0.5], abs=0.003)
+    if encoding == "image" or strokes is CROSSING:  # paler tones over one another: more than half
+        alpha = full.texture.rgba[..., 3] / 2.0
+        assert half.texture.rgba[..., 3] == pytest.approx(alpha, abs=1)
+    assert (
+        np.abs(rasterise(half, 2.0, (1, 1, 1)).astype(float) - _shown(paler)).mean()
+        < 0.2 * (255 - _shown(text)).mean() + 1
+    )
+
+
+def _shown(text):
+    return np.asarray(Image.open(io.BytesIO(png_from_svg(text, 2.0))).convert("RGB")).astype(float)
+
+
+def test_tones_behind_another_stroke_are_not_taken_for_its_own():
+    two = Strokes(
+        [[10, 50], [90, 50], [50, 5], [50, 95]], np.full(4, 6.0), [0, 2, 4], [0, 0], [False] * 2
+    )
+    rgba = np.concatenate([textured(CROSSING, rng).texture.rgba for rng in (4, 5)])
+    drawing = Drawing(two, (100, 100), [[0, 0, 0, 1]] * 2, Texture(rgba, [0, 200, 400], [1.0] * 2))
+    text = ungrouped(write_svg(drawing, texture="vector", layers="none"))
+    data = re.findall(r"<path [^>]*data-ss-path[^>]*/>", text)
+    file = read_svg_file(text)
+    assert len(data) == len(file.ids) == 2 and file.lost_tones == 0
+    file = read_svg_file(text.replace(data[1], ""))
+    assert len(file.ids) == 1 and file.lost_tones == file.foreign_shapes == 2
+    # moved together, written into the coordinates, they are still the stroke's
+    moved = re.sub('transform="scale', 'transform="translate(30 40)scale', text)
+    assert read_svg_file(moved).lost_tones == 0
+
+
+def test_an_image_has_its_pixels_however_large_it_was_made():
+    text = write_svg(inked([0, 0, 0], line([10, 50], [90, 50])), texture="image")
+    scaled = text.replace("<image ", '<image transform="scale(20)" ')
+    group = text.replace('<g id="s000"', '<g id="s000" transform="scale(20)"')
+    got, want = (read_svg(each) for each in (scaled, group))
+    assert got.strokes.xy == pytest.approx(want.strokes.xy)
+    assert got.texture.rgba.shape == want.texture.rgba.shape

@@ -145,7 +145,9 @@ def _strokes(
     for element in found.strokes:
         try:
             drawn = drawn_stroke(data, element, found.offset_points)
+            shapes = len(element.shapes)
             copies = read_strokes(element, origin, drawn, budget, found.offset_points)
+            found.lose_tones(shapes - len(element.shapes))
         except ValueError as error:
             which = f' id="{quoted(element.id)}"' if element.id else ""
             raise ValueError(f"line {element.line}, stroke{which}: {error}") from None

@@ -205,7 +205,10 @@ class ElementReader:
         state.rendered &= not is_flat(state.matrix)
         if is_stroke and tag in ("path", "image") and Data.MARGIN in attributes:
             above.shapes_of = self._enter_shapes(tag, attributes, state)
-            return self._enter_shape(tag, attributes)
+            inside = self._enter_shape(tag, attributes)
+            if tag == "image":  # tones behind it are of another
+                above.shapes_of = None
+            return inside
         if is_stroke and not state.shown:
             self.hidden += 1
             return State(skipped=True)
@@ -269,9 +272,13 @@ class ElementReader:
         if stroke is not None:
             _add_shape(stroke, tag, attributes, state)
         elif state.shown:
-            self.foreign_shapes += 1
-            self.lost_tones += 1
+            self.lose_tones(1)
         return State(skipped=True)
+
+    def lose_tones(self, number: int) -> None:
+        """Count tones of ours whose stroke's data are not there."""
+        self.foreign_shapes += number
+        self.lost_tones += number
 
     def _add(self, stroke: StrokeElement) -> StrokeElement:
         if len(self.strokes) >= MAX_STROKES:
@@ -326,7 +333,5 @@ def _add_shape(stroke: StrokeElement, tag: str, attributes: dict[str, str], stat
     """Add an element to the shapes of its stroke, if it is one that is shown."""
     if tag not in ("path", "image") or not state.shown:
         return
-    opacity = state.opacity
-    if tag == "path":
-        opacity *= state.fill_opacity if state.fill != "none" else 0.0
-    stroke.shapes.append(Shape(tag, attributes, state.matrix, state.fill, opacity))
+    share = state.fill_opacity if state.fill != "none" else 0.0
+    stroke.shapes.append(Shape(tag, attributes, state.matrix, state.fill, state.opacity, share))

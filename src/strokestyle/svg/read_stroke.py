@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import files as limits
 from ..drawing.ribbon import ribbon
-from ..drawing.strokes import MAX_MARGIN, Strokes
+from ..drawing.strokes import MAX_MARGIN, Strokes, signed_distance
 from ..files import quoted
 from ..geometry.affine import (
     IDENTITY,
@@ -19,6 +19,7 @@ from ..geometry.affine import (
     Affine,
     compose,
     determinant,
+    inverse,
     transformed,
 )
 from ..geometry.bezier import flatten
@@ -44,6 +45,7 @@ from .read_texture import (
     CHORD,
     Budget,
     Shape,
+    decoded,
     drawn_strip,
     from_base64,
     has_external_image,
@@ -56,6 +58,8 @@ MAX_PATH = LIMITS["path_characters"].value
 MAX_PLACE = LIMITS["place"].value
 SWELL_SLACK = 1e-5  # of the sum of widths, that is another program's rounding
 MAX_COPIES = 100  # of a stroke that are merged with it
+PROBES = 100  # places on a tone's edge
+STRAY = 1.0  # px beyond a stroke's texture, where the edges of tones are of another
 PATH_EFFECT = INKSCAPE_NAMESPACE + "}path-effect"
 ORIGINAL_PATH = INKSCAPE_NAMESPACE + "}original-d"
 
@@ -123,6 +127,8 @@ def read_strokes(
 ) -> list[ReadStroke]:
     """Read an element as a stroke, and copies of it that are merged with it.
 
+    Tones that merely come behind it in the file are taken from the element's shapes.
+
     Parameters
     ----------
     origin : of the canvas, in the file's user units
@@ -158,6 +164,8 @@ def read_strokes(
         track=_track(attributes.get(Data.TRACK, "")),
         drawn=None,
     )  # fmt: skip
+    if element.loose:
+        element.shapes = _own_shapes(element.shapes, stroke, baked[0])
     stroke.strip = _strip(element, stroke, baked[0], budget)
     if element.loose and stroke.strip is not None:
         stroke.color[:3] = _mean_ink(stroke.strip)
@@ -177,7 +185,7 @@ def _color(element: StrokeElement) -> np.ndarray:
     """The flat ink of a stroke, (4,) RGBA."""
     state = element.state
     color = np.array([*rgb(state.fill), state.fill_opacity * state.opacity])
-    color[3] *= parse_share(element.attributes.get(Data.OPACITY, ""), 1.0)
+    color[3] *= parse_share(element.attributes.get(Data.OPACITY, ""), 1.0) * _fade(element)
     if state.fill == "none":
         color[3] = 0.0
     return color
@@ -186,7 +194,47 @@ def _color(element: StrokeElement) -> np.ndarray:
 def _mean_ink(strip: np.ndarray) -> np.ndarray:
     """The colour (3,) in [0, 1] of what a strip (n, A, 4) shows, on the whole; black of nothing."""
     opacity = strip[..., 3:] / 255.0
-    return (strip[..., :3] * opacity).sum(axis=(0, 1)) / max(255.0 * opacity.sum(), 1e-9)
+    shown = (strip[..., :3] * opacity).sum(axis=(0, 1)) / max(255.0 * opacity.sum(), 1e-9)
+    return np.minimum(shown, 1.0)  # rounding may lead beyond
+
+
+def _fade(element: StrokeElement) -> float:
+    """The `opacity` that a hand gave the shapes of a stroke rather than the stroke."""
+    return element.shapes[0].opacity if element.of_shapes and element.shapes else 1.0
+
+
+def _told_ink(element: StrokeElement, color: np.ndarray, budget: Budget) -> np.ndarray:
+    """The ink (3,) of a strip that is told: that of what is drawn, which a hand may recolour.
+
+    `color` (4,) of the stroke, where nothing is drawn.
+    """
+    if not element.shapes or has_external_image(element.shapes[:1]):
+        return color[:3]
+    first = element.shapes[0]
+    if first.tag == "path":
+        return rgb(first.fill)
+    return _mean_ink(np.asarray(decoded(first.attributes, budget).convert("RGBA")))
+
+
+def _own_shapes(shapes: list[Shape], stroke: ReadStroke, baked: Affine) -> list[Shape]:
+    """The shapes that lie on a stroke, its first and most of the others' edges each.
+
+    In no group of their own, a stroke's tones stand behind its first shape as those of another do
+    whose own first shape was deleted, or that were put elsewhere. `stroke` and `baked` are as in
+    `_strip`.
+    """
+    half = 0.5 * stroke.width + stroke.margin
+
+    def is_near(shape: Shape) -> bool:
+        try:
+            edge = first_line(shape.attributes.get("d", ""))
+        except ValueError:  # it draws nothing, or what is wrong is said where it is drawn
+            return True
+        few = edge[:: 1 + len(edge) // PROBES]
+        at = transformed(compose(inverse(baked), shape.matrix), few)
+        return bool(np.median(signed_distance(stroke.xy, half, at)) <= STRAY)
+
+    return shapes[:1] + [shape for shape in shapes[1:] if is_near(shape)]
 
 
 def _margin(text: str) -> float:
@@ -208,9 +256,10 @@ def _strip(
     """
     attributes, opacity = element.attributes, element.state.opacity
     if Data.TEXTURE in attributes:
+        opacity *= _fade(element)
         strip = read_strip(
             from_base64(attributes[Data.TEXTURE].split(",", 1)[-1], "texture"),
-            stroke.color[:3],
+            _told_ink(element, stroke.color, budget),
             min(budget.texels, LIMITS["strip_texels"].value),
         )
         budget.spend("texels", strip[..., 0].size)

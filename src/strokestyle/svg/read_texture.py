@@ -65,7 +65,8 @@ class Shape:
     tag : "path" or "image"
     attributes : of its element
     matrix : from its own coordinates to the stroke's
-    fill, opacity : CSS colour, and share in [0, 1], of a path; of an image, its opacity
+    fill, fill_opacity : of a path: CSS colour, and share in [0, 1]
+    opacity : of all of it, share in [0, 1]
     """
 
     tag: str
@@ -73,6 +74,7 @@ class Shape:
     matrix: Affine
     fill: str
     opacity: float
+    fill_opacity: float = 1.0
 
 
 def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget) -> np.ndarray:
@@ -99,7 +101,7 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget)
         decoded(shape.attributes, budget) if shape.tag == "image" else None for shape in shapes
     ]
     density = max(
-        (_density(shape, image) for shape, image in zip(shapes, images, strict=True)),
+        (_density(shape, image, move) for shape, image in zip(shapes, images, strict=True)),
         default=DENSITY,
     )
     rows, columns = (
@@ -118,8 +120,8 @@ def drawn_strip(shapes: list[Shape], band: Ribbon, move: Affine, budget: Budget)
             # and contoured
             inside = covered(shape.attributes.get("d", ""), at.reshape(-1, 2), budget)
             inside = inside.reshape(rows, columns)
-            ink = shape.opacity * np.r_[rgb(shape.fill), 1.0]
-            color[inside] = ink + (1.0 - shape.opacity) * color[inside]
+            share = shape.opacity * shape.fill_opacity
+            color[inside] = share * np.r_[rgb(shape.fill), 1.0] + (1.0 - share) * color[inside]
     return np.rint(255 * np.clip(straight(color), 0, 1)).astype(np.uint8)
 
 
@@ -213,12 +215,12 @@ def _is_drawn(shape: Shape) -> bool:
     return in_file and min(image_box(shape.attributes)[2:]) > 0
 
 
-def _density(shape: Shape, image: Image.Image | None) -> float:
-    """Texels a px that a shape is worth."""
+def _density(shape: Shape, image: Image.Image | None, move: Affine) -> float:
+    """Texels a px of the ribbon that a shape is worth; `move` takes the ribbon to the file."""
     if image is None:
         return DENSITY
     pixels = np.sqrt(image.width * image.height / np.prod(image_box(shape.attributes)[2:]))
-    scale = np.sqrt(abs(determinant(shape.matrix)))
+    scale = np.sqrt(abs(determinant(shape.matrix) / determinant(move)))
     return float(np.clip(pixels / max(scale, 1e-6), 0.5, 4.0))
 
 
