@@ -332,6 +332,55 @@ def test_recoloured_faded_and_hidden_strokes():
     assert len(file.drawing.strokes) == 3 and file.hidden == 2
 
 
+@pytest.mark.parametrize("encoding", ["none", "vector", "image"])
+@pytest.mark.parametrize(
+    "rules, attributes",
+    [  # s004 is a contour
+        ("#s004{fill:#f00}", 'fill="#f00"'),
+        (".hot{opacity:50%}", 'opacity=".5"'),
+        ("#layer-contour > .stroke{transform:rotate(20deg)}", 'transform="rotate(20)"'),
+        ("#s004{transform-origin:0 20%}", 'transform="translate(0 20)rotate(9)translate(0 -20)"'),
+        ("#s004{visibility:hidden}", 'visibility="hidden"'),
+        (".contour .hot,.x{display:none}", 'display="none"'),
+    ],
+)  # fmt: skip
+def test_style_sheets_are_obeyed(encoding, rules, attributes):
+    text = write_svg(
+        keep(small(SMALL[encoding]), [True, True, False, True, True]), texture=encoding
+    )
+    text = text.replace('id="s003"', 'id="s004"')
+    text = re.sub('(id="s004"[^>]*)class="stroke"', r'\1class="stroke hot"', text)
+    plain = re.sub('id="s004"', f'id="s004" {attributes}', text)
+    if "fill" in rules:
+        plain = re.sub('( fill="#f00"[^>]*?) fill="[^"]*"', r"\1", plain)
+    if "origin" in rules:
+        text = text.replace('id="s004"', 'id="s004" transform="rotate(9)"')
+    sheet = f"<style><![CDATA[/* ours */ {rules}]]></style>"
+    got, want = (
+        read_svg_file(each) for each in (re.sub("(?=<title|<g )", sheet, text, count=1), plain)
+    )
+    same_as(got.drawing, want.drawing)
+    assert got.drawing.color == pytest.approx(want.drawing.color)
+    assert (got.hidden, got.foreign_shapes) == (want.hidden, 0)
+    # what a sheet changes is drawn anew
+    assert len(got.kept) == len(want.kept) == 3
+    assert (
+        got.hidden
+        or np.abs(
+            rendered(write_svg(got.drawing, got.options, kept=got.kept)) - seen(got.drawing)
+        ).mean()
+        < 6
+    )
+
+
+def test_a_sheet_of_other_things_changes_nothing():
+    text = write_svg(small("grain"))
+    sheet = "<style>.stroke{cursor:pointer}.tone:hover{fill:red}</style>"
+    sheet += "<style media='print'>*{fill:red}</style>"
+    file = read_svg_file(text.replace("<title", sheet + "<title"))
+    assert write_svg(file.drawing, file.options, kept=file.kept, ids=file.ids) == text
+
+
 def test_shapes_of_others_are_counted_and_definitions_are_not():
     _, file = edited(
         a=(

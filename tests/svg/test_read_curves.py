@@ -362,6 +362,12 @@ SYMBOL = '<symbol id="s" viewBox="0 0 10 10"><path d="M0 5h10"/></symbol>'
         ('<path style="transform:translate(5px,1in)rotate(90deg)" d="M0 0h4"/>', [(5, 96, 5, 100)]),
         ('<path style="transform:translateX(5px)scaleY(3)" d="M0 2h9"/>', [(5, 6, 14, 6)]),
         ('<path style="transform:rotate(.25turn)skewX(45deg)" d="M0 4h1"/>', [(-4, 4, -4, 5)]),
+        ('<path transform="rotate(90)" transform-origin="4 2" d="M4 2h4"/>', [(4, 2, 4, 6)]),
+        ('<path transform="scale(2)" style="transform-origin:bottom 10%" d="M9 90h1"/>',
+         [(8, 80, 10, 80)]),
+        ('<path style="transform:scale(2);transform-origin:center" d="M50 40h1"/>',
+         [(50, 30, 52, 30)]),
+        ('<path transform-origin="center" d="M5 4h1"/>', [(5, 4, 6, 4)]),
         ('<switch><g systemLanguage="xx"><path d="M0 1h1"/></g><path d="M0 2h1"/><path d="M0 3h1"/>'
          "</switch>", [(0, 2, 1, 2)]),
         ('<polyline points="1 2 3 4 5"/>', [(1, 2, 3, 4)]),
@@ -409,10 +415,14 @@ LINE = '<g class="a b"><path id="p" class="c" d="M0 1h1"/></g>'
         (".a{fill:none;stroke:#000}", "", True),
         (".a{fill:none;stroke:#000}", 'stroke="none"', False),
         (".b{display:none", "", True),  # not closed: no rule
+        ("</style><style media='print'>.c{display:none}", "", True),
+        ("</style><style media='screen'>.c{display:none}", "", False),
+        ("</style><style type='text/less'>.c{display:none}", "", True),
     ],
 )
 def test_style_sheets_hide_and_show(tmp_path, sheet, attributes, shown):
-    body = f"<style>{sheet.replace('>', '&gt;')}</style>" + LINE.replace(" d=", f" {attributes} d=")
+    sheet = sheet.replace(".a>", ".a&gt;").replace("> ", "&gt; ")
+    body = f"<style>{sheet}</style>" + LINE.replace(" d=", f" {attributes} d=")
     always = '<line style="display:inline;visibility:visible" x1="7" y1="7" x2="9" y2="9"/>'
     assert len(load(tmp_path, body + always)) == 1 + shown
 

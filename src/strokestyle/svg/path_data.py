@@ -19,6 +19,7 @@ CSS_AXES = {  # functions of CSS along one axis: SVG's name, the axis, and what 
     "scaley": ("scale", "y", 1.0),
 }
 CSS_ANGLES = {"deg": 1.0, "rad": math.degrees(1.0), "grad": 0.9, "turn": 360.0}
+ORIGINS = {"left": "0", "top": "0", "center": "50%", "right": "100%", "bottom": "100%"}
 SPACE = " \t\r\n\f"
 UNITS = {
     "": 1.0,
@@ -125,6 +126,40 @@ def parse_css_transform(text: str) -> Affine:
         name = {"skewx": "skewX", "skewy": "skewY"}.get(name, name)
         written.append(f"{name}({' '.join(repr(value) for value in values)})")
     return parse_transform(" ".join(written))
+
+
+def own_transform(
+    given: Mapping[str, str], attributes: Mapping[str, str], view: tuple[float, float]
+) -> Affine:
+    """Give the matrix from an element's coordinates to those around it. Raises ValueError.
+
+    Parameters
+    ----------
+    given : CSS properties of the element, by name; where these have no transform, the attribute has
+    attributes : of the element
+    view : (width, height) of the viewport, of which percentages of the origin are
+    """
+    if given.get("transform", "none") != "none":
+        matrix = parse_css_transform(given["transform"])
+    else:
+        matrix = parse_transform(attributes.get("transform", ""))
+    origin = given.get("transform-origin", attributes.get("transform-origin", ""))
+    if not origin or matrix == IDENTITY:
+        return matrix
+    x, y = _transform_origin(origin.strip(SPACE).lower(), view)
+    return compose(compose((1.0, 0.0, 0.0, 1.0, x, y), matrix), (1.0, 0.0, 0.0, 1.0, -x, -y))
+
+
+def _transform_origin(text: str, view: tuple[float, float]) -> tuple[float, float]:
+    """The place about which an element is transformed. Raises ValueError where it is no place."""
+    words = [*re.split(r"[\s,]+", text[:1_000]), "center"][:2]
+    if words[0] in ("top", "bottom") or words[1] in ("left", "right"):
+        words.reverse()
+    x, y = (
+        length(ORIGINS.get(word, word), "transform-origin", whole)
+        for word, whole in zip(words, view, strict=True)
+    )
+    return x, y
 
 
 def _css_number(text: str) -> float:

@@ -24,15 +24,14 @@ from .path_data import (
     NUMBER,
     SPACE,
     length,
+    own_transform,
     page_length,
-    parse_css_transform,
     parse_numbers,
     parse_path,
     parse_share,
-    parse_transform,
     shape_path,
 )
-from .style_sheet import MAX_CHARACTERS, Named, StyleSheet, declarations
+from .style_sheet import MAX_CHARACTERS, Named, StyleSheet, declarations, is_for_screens
 from .xml import SVG_NAMESPACE, SaxReader, placed
 
 BORDER = 0.5  # px; a frame this near the page's edge is the background, not a line
@@ -111,7 +110,11 @@ class _TreeReader:
         self._open.pop()
 
     def _text(self, text: str) -> None:
-        if self._open and self._open[-1].name == "style":
+        if (
+            self._open
+            and self._open[-1].name == "style"
+            and is_for_screens(self._open[-1].attributes)
+        ):
             self.style += text if len(self.style) < MAX_CHARACTERS else ""
 
 
@@ -219,7 +222,7 @@ class _ShapeReader:
         if tag == "path" and TONE_CLASS in elements[-1].classes:  # of a stroke of ours
             return None
         state = _State(
-            _own_matrix(above.matrix, node, given),
+            _own_matrix(above, node, given),
             _kind(attributes, above.kind),
             _visible(given.get("visibility", ""), above.visible),
             above.view,
@@ -311,16 +314,14 @@ def _is_chosen(node: _Node) -> bool:
     return bool(node.name) and wanted and not node.attributes.get("requiredExtensions")
 
 
-def _own_matrix(above: Affine, node: _Node, given: Mapping[str, str]) -> Affine:
+def _own_matrix(above: _State, node: _Node, given: Mapping[str, str]) -> Affine:
     """From the coordinates of an element to the canvas; `given` are its CSS properties.
 
     The data of a textured stroke of ours are told in those of the group around its shape.
     """
     if Data.PATH in node.attributes and Data.MARGIN in node.attributes and node.tag in OF_STROKES:
-        return above
-    if given.get("transform", "none") != "none":
-        return compose(above, parse_css_transform(given["transform"]))
-    return compose(above, parse_transform(node.attributes.get("transform", "")))
+        return above.matrix
+    return compose(above.matrix, own_transform(given, node.attributes, above.view))
 
 
 def _visible(given: str, above: bool) -> bool:

@@ -8,13 +8,18 @@ from dataclasses import dataclass, field, replace
 
 from ..geometry.affine import IDENTITY, Affine, compose, is_flat
 from .format import FORMAT, LIMITS, PAPER_ID, RDF_NAMESPACES, STROKE_CLASS, TONE_CLASS, Data
-from .path_data import parse_share, parse_transform
+from .path_data import own_transform, page_length, parse_numbers, parse_share
 from .read_texture import Shape
+from .style_sheet import Named, StyleSheet, sheet_of
 from .xml import SVG_NAMESPACE, SaxReader, css_property
 
 MAX_STROKES = LIMITS["strokes"].value
 MAX_WORDS = 10_000  # characters of a title, or of another of the document's texts
 REFERENCES = ("fill", "clip-path", "mask", "filter")
+LOOKS = (  # properties of style sheets that are looked at
+    "display", "visibility", "opacity", "fill", "fill-opacity", "transform", "transform-origin",
+    *REFERENCES[1:],
+)  # fmt: skip
 _REFERENCE = re.compile(rf"(?:^|;)\s*(?:{'|'.join(REFERENCES)})\s*:\s*url\(")
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
 SHAPES = (
@@ -41,6 +46,7 @@ class State:
     fill, fill_opacity, opacity : CSS colour, and shares in [0, 1]; opacity is the product of all
     visible : as `visibility` says, which an element inside may take back
     rendered : no `display: none`, and not pressed flat, which nothing inside can take back
+    view : (width, height) that percentages refer to
     skipped : nothing inside is looked at
     stroke : the stroke that it is in
     group : of a stroke's own group, whose first shape has the data
@@ -53,6 +59,7 @@ class State:
     opacity: float = 1.0
     visible: bool = True
     rendered: bool = True
+    view: tuple[float, float] = (0.0, 0.0)
     skipped: bool = False
     stroke: StrokeElement | None = None
     group: StrokeGroup | None = None
@@ -91,7 +98,7 @@ class StrokeElement:
     state : of that element, its own attributes included; of a shape, that of what it is in
     line : of the file, where it begins
     begin, end : its bytes in the file; `end` is behind an empty element, else its end tag's begin
-    inherits_look : the elements around it move it, or make it paler
+    inherits_look : the elements around it move it, or make it paler, or style sheets change it
     of_shapes : its data stand on the first of its shapes
     loose : besides, these are in no group of their own, so that only they tell its ink
     shapes : what is drawn in it, or the element itself, from the lowest to the uppermost
@@ -161,10 +168,14 @@ class ElementReader:
         self.offset_points: dict[str, str] = {}
         self.hidden = self.foreign_shapes = self.lost_tones = self.effects = 0
         self._states: list[State] = []  # of the open elements
+        self._sheet: StyleSheet | None = None
+        self._named: list[Named] = []  # the open elements, as the sheet's selectors see them
+        self._styled = False  # the sheet has rules for the look of what is being read
         self._xml = SaxReader(self._start, self._end, self.metadata.text)
 
     def read(self, data: bytes) -> None:
         """Read a document. Raises ValueError where it is damaged, unsafe, too large or too new."""
+        self._sheet = sheet_of(data)
         self._xml.walk(data)
         shown = [stroke for stroke in self.strokes if stroke.shapes or not stroke.of_shapes]
         self.hidden += len(self.strokes) - len(shown)
@@ -172,10 +183,12 @@ class ElementReader:
 
     def _start(self, namespace: str, tag: str, attributes: dict[str, str]) -> None:
         self.metadata.start(namespace, tag, attributes)
+        if self._sheet is not None:
+            attributes = self._with_rules(self._sheet, tag, attributes)
         if not self._states:
             self.root = attributes
             _check_version(attributes)
-            state = _inherit(State(), attributes)
+            state = _inherit(State(view=_view(attributes)), attributes)
         else:
             if tag == "path-effect" and len(self.offset_points) < MAX_STROKES:
                 self.offset_points[attributes.get("id", "")] = attributes.get("offset_points", "")
@@ -184,10 +197,22 @@ class ElementReader:
 
     def _end(self) -> None:
         self.metadata.end()
+        if self._named:
+            self._named.pop()
         state = self._states.pop()
         stroke = state.group.stroke if state.group is not None else state.stroke
         if stroke is not None and (not self._states or self._states[-1].stroke is None):
             stroke.end = self._xml.place
+
+    def _with_rules(
+        self, sheet: StyleSheet, tag: str, attributes: dict[str, str]
+    ) -> dict[str, str]:
+        """An element's attributes, with what a sheet says of its look before its own style."""
+        self._named.append(Named.of(tag, attributes))
+        properties = sheet.properties(self._named)
+        rules = [f"{name}:{properties[name]};" for name in LOOKS if name in properties]
+        self._styled = bool(rules)
+        return attributes | {"style": "".join([*rules, attributes.get("style", "")])}
 
     def _enter(self, namespace: str, tag: str, attributes: dict[str, str]) -> State:
         """The state of an element inside the root; what it is gets collected."""
@@ -201,6 +226,7 @@ class ElementReader:
         if above.stroke is not None:  # what it looks like
             state.skipped, state.stroke = tag != "g", above.stroke
             _add_shape(above.stroke, tag, attributes, state)
+            above.stroke.inherits_look |= self._styled
             return state
         state.rendered &= not is_flat(state.matrix)
         if is_stroke and tag in ("path", "image") and Data.MARGIN in attributes:
@@ -215,7 +241,7 @@ class ElementReader:
         if is_stroke:
             return self._enter_stroke(tag, attributes, state)
         if tag in GROUPS:
-            if attributes.get("class") == STROKE_CLASS:
+            if STROKE_CLASS in attributes.get("class", "").split():
                 state.group = StrokeGroup(attributes.get("id", ""), *self._place(above))
             return state
         if TONE_CLASS in attributes.get("class", "").split() and tag == "path":
@@ -227,7 +253,7 @@ class ElementReader:
     def _place(self, above: State) -> tuple[int, int, bool]:
         """Line and byte of what is being read, and whether what is around it changes its look."""
         still = above.matrix == IDENTITY and above.opacity == above.fill_opacity == 1.0
-        return self._xml.line, self._xml.place, not still
+        return self._xml.line, self._xml.place, self._styled or not still
 
     def _enter_stroke(self, tag: str, attributes: dict[str, str], state: State) -> State:
         """A stroke whose data stand on its own element, which is its group or its outline."""
@@ -271,6 +297,7 @@ class ElementReader:
         state = _inherit(replace(above, matrix=IDENTITY, opacity=1.0), attributes)
         if stroke is not None:
             _add_shape(stroke, tag, attributes, state)
+            stroke.inherits_look |= self._styled
         elif state.shown:
             self.lose_tones(1)
         return State(skipped=True)
@@ -300,12 +327,14 @@ def _inherit(above: State, attributes: dict[str, str]) -> State:
     """The state of an element inside another, of which no stroke is known yet."""
     style = attributes.get("style", "")
 
-    def given(name: str) -> str:
+    def given(name: str, attributes: Mapping[str, str] = attributes) -> str:
         return css_property(name, style, attributes)
 
     matrix = above.matrix
-    if "transform" in attributes:
-        matrix = compose(matrix, parse_transform(attributes["transform"]))
+    if "transform" in attributes or "transform" in style:
+        css = {name: given(name, {}) for name in ("transform", "transform-origin")}
+        css = {name: value for name, value in css.items() if value}
+        matrix = compose(matrix, own_transform(css, attributes, above.view))
     visibility, fill = given("visibility"), given("fill")
     return State(
         matrix=matrix,
@@ -314,7 +343,16 @@ def _inherit(above: State, attributes: dict[str, str]) -> State:
         opacity=above.opacity * parse_share(given("opacity"), 1.0),
         visible=above.visible if visibility in ("", "inherit") else visibility == "visible",
         rendered=above.rendered and given("display") != "none",
+        view=above.view,
     )
+
+
+def _view(root: Mapping[str, str]) -> tuple[float, float]:
+    """Width and height of the page in user units."""
+    box = parse_numbers(root.get("viewBox", ""), "viewBox")
+    if len(box) == 4:
+        return box[2], box[3]
+    return page_length(root, "width") or 0.0, page_length(root, "height") or 0.0
 
 
 def _count_effects(attributes: Mapping[str, str]) -> int:

@@ -6,12 +6,15 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from .xml import SVG_NAMESPACE, SaxReader
+
 MAX_CHARACTERS = 1_000_000  # of style sheets that are looked at
 MAX_RULES = 10_000
 MAX_COMPOUNDS = 8  # of a selector: "g .a > path" has three
 _COMMENT = re.compile(r"/\*.*?\*/|<!--|-->", re.DOTALL)
 _RULE = re.compile(r"([^{}]*)\{([^{}]*)\}")
 _COMPOUND = re.compile(r"(\*|[a-zA-Z][\w-]*)?((?:[.#][\w-]+)*)")
+_STYLE = re.compile(rb"<(?:[\w.-]+:)?style\b")
 _SHOWN_MEDIA = re.compile(r"\s*@media\s+(?:all|screen)\s*")
 
 
@@ -94,6 +97,39 @@ class StyleSheet:
         for rule in sorted(rules):
             found |= rule.properties
         return found
+
+
+def is_for_screens(attributes: Mapping[str, str]) -> bool:
+    """Tell whether a style element with these attributes is of CSS, and not for print alone."""
+    media = attributes.get("media", "").lower()
+    sort = attributes.get("type", "text/css").strip().lower()
+    return sort in ("", "text/css") and (not media or "all" in media or "screen" in media)
+
+
+def sheet_of(data: bytes) -> StyleSheet | None:
+    """Read the style sheets of a document; None where it has none.
+
+    Raises ValueError where it is damaged, unsafe or too large.
+    """
+    plain = data.replace(b"\0", b"") if b"\0" in data else data
+    if not _STYLE.search(plain):
+        return None
+    text: list[str] = []
+    shown: list[bool] = []  # of the open elements: whether it is a style sheet
+
+    def start(namespace: str, tag: str, attributes: dict[str, str]) -> None:
+        ours = tag == "style" and namespace in ("", SVG_NAMESPACE)
+        shown.append(ours and is_for_screens(attributes))
+
+    def end() -> None:
+        shown.pop()
+
+    def add(words: str) -> None:
+        if shown and shown[-1]:
+            text.append(words)
+
+    SaxReader(start, end, add).walk(data)
+    return StyleSheet("".join(text))
 
 
 def declarations(text: str) -> dict[str, str]:

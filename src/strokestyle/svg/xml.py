@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from xml.parsers import expat
 
 from .. import files as limits
@@ -114,7 +114,7 @@ def placed(line: int, tag: str, attributes: dict[str, str]) -> str:
     return f"line {line}, <{tag}{which}>"
 
 
-def css_property(name: str, style: str, attributes: dict[str, str]) -> str:
+def css_property(name: str, style: str, attributes: Mapping[str, str]) -> str:
     """Look up a CSS property: in the style attribute, else the attribute of that name, else ""."""
     found = re.findall(rf"(?:^|;)\s*{name}\s*:([^;!]*)", style[:10_000]) if name in style else ()
     return (found[-1] if found else attributes.get(name, "")).strip().lower()
