@@ -334,7 +334,15 @@ def test_what_is_hidden_is_no_line(tmp_path):
     <g style="visibility:hidden">{line}</g><foo:path xmlns:foo="urn:foo" d="M0 0L9 9"/>
     <text>{line}</text><path d=""/><line/><rect width="5"/><circle cx="4"/>
     <ellipse rx="0" ry="4"/><path d="M4 4L4 4z"/><polygon points=" "/>
-    <path d="M3 3"/><polyline/>{line}"""
+    <path d="M3 3"/><polyline/>{line}
+    <path fill="transparent" d="M0 9h9v9"/><path fill-opacity="0" d="M0 9h9v9"/>
+    <g fill="none" stroke="red" stroke-width="0.0px"><path d="M0 9h9"/></g>
+    <g style="stroke-opacity:0%;fill:none"><path stroke="red" d="M0 9h9"/></g>
+    <path fill="#abc0" stroke="rgb(9 9 9 / 0%)" d="M0 9h9"/><line stroke="#ffffff00" x2="9"/>
+    <path fill="rgba(9,9,9,0)" stroke="hsla(9, 9%, 9%, 0.0)" d="M0 9h9"/>"""
+    faint = '<path fill="rgba(0,0,0,0.01)" d="M0 9h9v9"/><path stroke="#0001" d="M0 3h9"/>'
+    faint += '<path fill="none" stroke="rgb(0,0,0)" stroke-width="0.05" d="M0 4h9"/><line y2="9"/>'
+    assert len(load(tmp_path, faint + '<line stroke="#000" stroke-width="05" x2="9"/>')) == 5
     assert len(load(tmp_path, hidden)) == 1
     assert (
         len(load(tmp_path, f'<g visibility="hidden"><g visibility="visible">{line}</g></g>')) == 1

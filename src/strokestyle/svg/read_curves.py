@@ -39,7 +39,15 @@ LABEL = INKSCAPE_NAMESPACE + "}label"
 SHAPES = ("path", "line", "polyline", "polygon", "rect", "circle", "ellipse")
 GROUPS = ("svg", "g", "a", "switch", "use")  # what any other element has is not drawn, or no line
 OF_STROKES = ("path", "image")  # what textured strokes of ours are drawn with
-LOOKS = ("display", "visibility", "opacity", "fill", "stroke")  # CSS properties that are attributes
+LOOKS = (  # CSS properties that are attributes
+    "display", "visibility", "opacity", "fill", "fill-opacity",
+    "stroke", "stroke-opacity", "stroke-width",
+)  # fmt: skip
+_NOTHING = re.compile("(?:0+[.]?0*|[.]0+)(?![0-9.])")  # a width of no line
+_CLEAR = re.compile(  # a colour of no opacity
+    "none|transparent|#(?:...0|.{6}00)"
+    r"|(?:rgb|hsl)a?\((?:[^,]*,[^,]*,[^,]*,|[^/]*/)\s*[0.]+%?\s*\)"
+)
 XLINK_HREF = "http://www.w3.org/1999/xlink}href"
 
 
@@ -125,7 +133,9 @@ class _State:
     `matrix` : to the canvas
     `kind` : index into KINDS
     `view` : (width, height) that percentages refer to
-    `paint` : "none" of fill and stroke, where that is what they are
+    `fill`, `stroke` : colours, "none" where that is what they are
+    `fill_opacity`, `stroke_opacity` : shares in [0, 1]
+    `stroke_width` : as written
     `elements` : those around, as selectors see them
     `used` : ids of what `use` elements around it draw
     """
@@ -136,8 +146,23 @@ class _State:
     view: tuple[float, float] = (0.0, 0.0)
     fill: str = "black"
     stroke: str = "none"
+    fill_opacity: float = 1.0
+    stroke_opacity: float = 1.0
+    stroke_width: str = "1"
     elements: tuple[Named, ...] = ()
     used: tuple[str, ...] = ()
+
+    @property
+    def filled(self) -> bool:
+        return self.fill_opacity > 0 and not _CLEAR.fullmatch(self.fill)
+
+    @property
+    def stroked(self) -> bool:
+        return (
+            self.stroke_opacity > 0
+            and not _NOTHING.match(self.stroke_width)
+            and not _CLEAR.fullmatch(self.stroke)
+        )
 
 
 class _ShapeReader:
@@ -228,11 +253,16 @@ class _ShapeReader:
             above.view,
             _paint(given.get("fill", ""), above.fill),
             _paint(given.get("stroke", ""), above.stroke),
+            parse_share(given.get("fill-opacity", ""), above.fill_opacity),
+            parse_share(given.get("stroke-opacity", ""), above.stroke_opacity),
+            _paint(given.get("stroke-width", ""), above.stroke_width),
             elements,
             above.used,
         )
         if shape:
-            if state.visible and (tag == "line" or {state.fill, state.stroke} != {"none"}):
+            # a line has no inside; one without a stroke was meant to be seen
+            inked = state.stroke == "none" if tag == "line" else state.filled
+            if state.visible and (inked or state.stroked):
                 self.add(tag, attributes, state)
             return None
         if tag not in ("svg", "symbol"):
