@@ -50,7 +50,7 @@ experiments: $(READY)
 	$(BIN)/python experiments/fetch_weights.py
 	$(BIN)/python experiments/compare_methods.py $(RESULTS) $(OF_SET) $(OF_STYLES) --jobs $(JOBS)
 	$(BIN)/python experiments/measure.py $(RESULTS) $(OF_SET) $(OF_STYLES)
-	$(BIN)/python experiments/fid_bias.py $(RESULTS) $(OF_SET) --methods ours_quick
+	$(BIN)/python experiments/fid_bias.py $(RESULTS) $(OF_SET) $(OF_STYLES) --methods ours_quick
 	$(BIN)/python experiments/pictures.py $(RESULTS) $(OF_SET) $(OF_STYLES)
 
 clean:

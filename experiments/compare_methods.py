@@ -19,11 +19,15 @@ import resource
 import sys
 import time
 import traceback
+from collections.abc import Iterator
 from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import numpy as np
-from dataset import add_data_options, data_of
+from common_options import carry_out, comparing
+from dataset import data_of
 from methods import Method, all_methods, chosen_methods
 from PIL import Image
 
@@ -50,14 +54,6 @@ def png(image: np.ndarray) -> bytes:
     file = io.BytesIO()
     Image.fromarray(image).save(file, "PNG", optimize=True)
     return file.getvalue()
-
-
-def draw_style(job: Job) -> tuple[Job, dict | str]:
-    """Learn one style and draw its test shapes: what it cost, or what went wrong."""
-    try:
-        return job, _draw_style(job)
-    except Exception:  # the others go on; this one is told of at the end
-        return job, traceback.format_exc()
 
 
 def _draw_style(job: Job) -> dict:
@@ -112,47 +108,78 @@ def jobs_to_do(methods: dict[str, Method], options: argparse.Namespace) -> list[
     return to_do
 
 
+def outcomes(jobs: list[Job], at_once: int) -> Iterator[tuple[Job, dict | str]]:
+    """Do jobs, each in a process of its own, and tell what each cost, or what went wrong.
+
+    A process that is killed, for its memory say, is told of as well: a pool would wait for ever.
+    """
+    spawn, waiting = multiprocessing.get_context("spawn"), list(reversed(jobs))
+    running: dict[Connection, tuple[Job, SpawnProcess]] = {}
+    while waiting or running:
+        while waiting and len(running) < at_once:
+            job, (ours, theirs) = waiting.pop(), spawn.Pipe(duplex=False)
+            process = spawn.Process(target=_report, args=(job, theirs))
+            process.start()
+            theirs.close()
+            running[ours] = job, process
+        for ended in wait(list(running)):
+            assert isinstance(ended, Connection)
+            job, process = running.pop(ended)
+            try:
+                row = ended.recv()
+            except EOFError:
+                row = None
+            process.join()
+            yield job, row or f"its process ended with {process.exitcode}: out of memory?"
+
+
+def _report(job: Job, to: Connection) -> None:
+    try:
+        to.send(_draw_style(job))
+    except Exception:  # the others go on; this one is told of at the end
+        to.send(traceback.format_exc())
+
+
+def run(options: argparse.Namespace) -> None:
+    """Draw what the options name, and exit with 1 if any of it failed. Raises as `jobs_to_do`."""
+    to_do, failed = jobs_to_do(chosen_methods(options.methods), options), 0
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"
+    for job, row in outcomes(to_do, options.jobs):
+        if isinstance(row, str):
+            failed += 1
+            print(f"{job.method}, {job.style}: {row}", file=sys.stderr, flush=True)
+            continue
+        print(job.method, json.dumps(row), flush=True)
+        with open(job.folder / "times.jsonl", "a") as file:
+            file.write(json.dumps(row) + "\n")
+    if failed:
+        sys.exit(f"{failed} of {len(to_do)} failed; run again to try these once more")
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not 1 or more")
+    return int(text)
+
+
+class _List(argparse.Action):
+    """Names the methods, and ends."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        for name, method in all_methods().items():
+            print(f"{name:28s} {method.label}; {method.source}")
+        parser.exit()
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("out", type=Path, nargs="?")
-    add_data_options(parser)
-    parser.add_argument("--methods", help="comma-separated; all by default")
-    parser.add_argument("--styles", help="comma-separated; all by default")
+    parser = comparing(__doc__)
     parser.add_argument("--full", action="store_true", help="settings as published")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=1, help="styles learned at the same time")
-    parser.add_argument("--list", action="store_true", help="name the methods, and do nothing")
-    options = parser.parse_args()
-    if options.jobs < 1:
-        parser.error("--jobs is 1 or more")
-    try:
-        methods = chosen_methods(options.methods)
-        if options.list:
-            for name, method in methods.items():
-                print(f"{name:28s} {method.label}; {method.source}")
-            return
-        if options.out is None:
-            parser.error("give OUT")
-        to_do = jobs_to_do(methods, options)
-    except (OSError, ValueError) as error:
-        sys.exit(str(error))
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ[name] = "1"
-    failed = 0
-    with multiprocessing.get_context("spawn").Pool(options.jobs, maxtasksperchild=1) as pool:
-        for job, row in pool.imap(draw_style, to_do, chunksize=1):
-            if isinstance(row, str):
-                failed += 1
-                print(f"{job.method}, {job.style}: {row}", file=sys.stderr, flush=True)
-                continue
-            print(job.method, json.dumps(row), flush=True)
-            with open(job.folder / "times.jsonl", "a") as file:
-                file.write(json.dumps(row) + "\n")
-    if failed:
-        sys.exit(f"{failed} of {len(to_do)} failed; run again to try these once more")
+    parser.add_argument("--jobs", type=_count, default=1, help="styles learned at the same time")
+    parser.add_argument("--list", nargs=0, action=_List, help="name the methods, and end")
+    carry_out(run, parser)
 
 
 if __name__ == "__main__":

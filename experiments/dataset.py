@@ -11,7 +11,6 @@ training shape where none is given."""
 
 import argparse
 import json
-import os
 import sys
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -190,13 +189,6 @@ def read_image(path: Path, size: tuple[int, int]) -> np.ndarray:
     if paper.size != size:
         paper = paper.resize(size, Image.Resampling.LANCZOS)
     return np.asarray(paper, np.float32) / 255
-
-
-def add_data_options(parser: argparse.ArgumentParser) -> None:
-    """Let a script be told where its data set lies, and how large to take it."""
-    parser.add_argument("--data", type=Path, default=os.environ.get("STROKESTYLE_SHARED"))
-    parser.add_argument("--train", help="the shape that styles are learned from")
-    parser.add_argument("--size", type=int, default=256, help="px, the longer side of all images")
 
 
 def data_of(options: argparse.Namespace) -> DataSet:

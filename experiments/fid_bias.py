@@ -19,12 +19,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from dataset import add_data_options, data_of
-from measure import PLAIN, SECOND, Row, contestants, method_folders, number, read_drawings, table
+from common_options import carry_out, comparing
+from dataset import data_of
+from measure import SECOND, Row, contestants, drawn_methods, number, read_drawings, table
 from metrics.frechet import frechet_distance
 from metrics.kid import PairedKid, kid
 from metrics.looks import Looks
-from metrics.weights import NoWeights
 
 from strokestyle.files import write_bytes
 
@@ -146,22 +146,24 @@ def plot(found: dict[str, dict]) -> str:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Measure and print. Raises ValueError and `NoWeights`."""
+    """Measure and print. Raises OSError and ValueError."""
     data = data_of(options)
-    keys = [(style, shape) for style in data.chosen_styles(None) for shape in data.tests(style)]
-    methods = options.methods.split(",") if options.methods else method_folders(options.out)
+    styles = data.chosen_styles(options.styles)
+    keys = [(style, shape) for style in styles for shape in data.tests(style)]
+    methods = drawn_methods(options.out, options.methods)
     artist = read_drawings(data, keys, data.drawing_path)
     looks, found = Looks(options.out / ".looks"), {}
     rows = {row.label: row for row in contestants(data, list(artist), options.out, methods)}
-    if SECOND not in rows or PLAIN not in rows:
-        raise ValueError(f"{data.root}: there is no second take (take2.png) to compare with")
 
     def pairs_of(row: Row) -> list:
         return [(artist[key], row.images[key]) for key in artist if key in row.images]
 
-    second = pairs_of(rows.pop(SECOND))
-    found |= lines_of("second take", looks, second, options, False)
-    found |= lines_of("second take of others", looks, second, options, True)
+    if SECOND in rows:
+        second = pairs_of(rows.pop(SECOND))
+        found |= lines_of("second take", looks, second, options, False)
+        found |= lines_of("second take of others", looks, second, options, True)
+    else:
+        print(f"{data.root}: no second takes (take2.png), so no lines of them", file=sys.stderr)
     for label, row in rows.items():
         found |= lines_of(label, looks, pairs_of(row), options, False)
     sizes = sorted({n for line in found.values() for n in line})
@@ -176,19 +178,11 @@ def run(options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("out", type=Path)
-    add_data_options(parser)
-    parser.add_argument("--methods", help="comma-separated; all that drew by default")
+    parser = comparing(__doc__)
     parser.add_argument("--repeats", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--plot", type=Path)
-    try:
-        run(parser.parse_args())
-    except (ValueError, NoWeights, OSError) as error:
-        sys.exit(str(error))
+    carry_out(run, parser)
 
 
 if __name__ == "__main__":

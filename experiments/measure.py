@@ -29,12 +29,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from dataset import DataSet, add_data_options, data_of, read_image
+from common_options import carry_out, comparing
+from dataset import DataSet, data_of, read_image
 from metrics.bootstrap import Interval, interval
 from metrics.frechet import frechet_distance
 from metrics.kid import PairedKid
 from metrics.looks import Looks
-from metrics.weights import NoWeights
 
 PLAIN, SECOND = "plain curves", "the artist's second take"
 Key = tuple[str, str]  # style, shape
@@ -90,9 +90,16 @@ def read_costs(path: Path) -> list[dict]:
     return list({line["style"]: line for line in lines}.values())
 
 
-def method_folders(out: Path) -> list[str]:
-    """The methods that drew something, by name."""
-    return sorted({path.parts[-3] for path in out.glob("*/*/*.png")} - {"pictures"})
+def drawn_methods(out: Path, names: str | None) -> list[str]:
+    """The methods of a comma-separated list, or all, by name, that drew something.
+
+    Raises ValueError where one of the list drew nothing."""
+    there = sorted({path.parts[-3] for path in out.glob("*/*/*.png")})
+    absent = sorted(set(names.split(",")) - set(there)) if names else []
+    if absent:
+        told = ", ".join(there) or "none"
+        raise ValueError(f"{out}: no drawings by {', '.join(absent)}; there are those by {told}")
+    return names.split(",") if names else there
 
 
 def measure_row(row: Row, artist: Images, looks: Looks, chance: Chance) -> list[str]:
@@ -203,12 +210,12 @@ COMPARED = ["closest", "and", "LPIPS farther by", "95 %", "closer in"]
 
 
 def run(options: argparse.Namespace) -> None:
-    """Measure what the options name. Raises ValueError and `NoWeights`."""
+    """Measure what the options name. Raises OSError and ValueError."""
     data = data_of(options)
     chance = Chance(options.resamples, options.seed)
     styles = data.chosen_styles(options.styles)
     keys = [(style, shape) for style in styles for shape in data.tests(style)]
-    methods = options.methods.split(",") if options.methods else method_folders(options.out)
+    methods = drawn_methods(options.out, options.methods)
     artist = read_drawings(data, keys, data.drawing_path)
     if len(artist) < 2:
         raise ValueError(f"{data.root}: fewer than two drawings to compare with")
@@ -227,20 +234,11 @@ def run(options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("out", type=Path)
-    add_data_options(parser)
-    parser.add_argument("--methods", help="comma-separated; all that drew by default")
-    parser.add_argument("--styles", help="comma-separated; all by default")
+    parser = comparing(__doc__)
     parser.add_argument("--resamples", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--device", default="cpu")
-    try:
-        run(parser.parse_args())
-    except (OSError, ValueError, NoWeights) as error:
-        sys.exit(str(error))
+    carry_out(run, parser)
 
 
 if __name__ == "__main__":

@@ -9,11 +9,11 @@ learned from. OUT/pictures/index.html shows them all. A drawing that is missing 
 import argparse
 import html
 import io
-import sys
 from pathlib import Path
 
 import numpy as np
-from dataset import DataSet, add_data_options, data_of, read_image
+from common_options import carry_out, comparing
+from dataset import DataSet, data_of, read_image
 from methods import chosen_methods
 from PIL import Image, ImageDraw, ImageFont
 
@@ -77,20 +77,6 @@ def style_sheet(data: DataSet, out: Path, style: str, methods: dict[str, str]) -
     return side_by_side(rows, ["learned from", "the artist", "plain curves", *methods.values()])
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("out", type=Path)
-    add_data_options(parser)
-    parser.add_argument("--methods", help="comma-separated; all that there are in OUT by default")
-    parser.add_argument("--styles", help="comma-separated; all by default")
-    try:
-        run(parser.parse_args())
-    except (OSError, ValueError) as error:
-        sys.exit(str(error))
-
-
 def run(args: argparse.Namespace) -> None:
     """Write the pictures that the options name. Raises OSError and ValueError."""
     data, methods = data_of(args), chosen_methods(args.methods)
@@ -112,4 +98,4 @@ def _folder(out: Path) -> Path:
 
 
 if __name__ == "__main__":
-    main()
+    carry_out(run, comparing(__doc__))

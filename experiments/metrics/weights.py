@@ -30,7 +30,7 @@ from strokestyle.files import replace_file
 Arrays = dict[str, np.ndarray]
 
 
-class NoWeights(Exception):
+class NoWeights(ValueError):
     """Weights are not there, or are not what they should be."""
 
 

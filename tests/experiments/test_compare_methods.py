@@ -16,12 +16,14 @@ from solids import box
 
 EXPERIMENTS = Path(__file__).parent.parent.parent / "experiments"
 STUB = """
-import compare_methods, methods, numpy as np
+import compare_methods, methods, numpy as np, os
 from methods import Method
 
 def learn(lesson, settings, seed, device):
     if lesson.style == settings:
         raise RuntimeError("cannot learn this")
+    if settings == "killed by " + lesson.style:
+        os.kill(os.getpid(), 9)
     ink = lesson.drawing.min(axis=(0, 1))
     def paint(sheet, seed):
         line = (sheet.plain < 0.5)[..., None]
@@ -89,10 +91,17 @@ def test_styles_are_learned_and_drawn_once(tmp_path, data):
     assert "Traceback" not in other.stderr
 
 
-def test_a_style_that_fails_is_told_and_the_others_are_drawn(tmp_path, data):
-    out, ran = run(tmp_path, data, settings='"blue"')
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ('"blue"', "cannot learn this"),
+        ('"killed by blue"', "trace, blue: its process ended with -9"),
+    ],
+)
+def test_a_style_that_fails_is_told_and_the_others_are_drawn(tmp_path, data, settings, told):
+    out, ran = run(tmp_path, data, settings=settings)
     assert ran.returncode == 1
-    assert "cannot learn this" in ran.stderr and "1 of 2 failed" in ran.stderr
+    assert told in ran.stderr and "1 of 2 failed" in ran.stderr
     assert (out / "trace" / "red" / "flat.png").exists()
 
 

@@ -155,6 +155,23 @@ def test_fid_of_fewer_drawings_is_larger(data, capsys):
     assert plot.read_text().startswith("<svg") and "near" in plot.read_text()
 
 
+def test_a_set_without_second_takes_is_measured_without_them(data, capsys):
+    for path in data.root.glob("styles/*/*/take2.png"):
+        path.unlink()
+    fid_bias.run(options(data, methods="near"))
+    said = capsys.readouterr()
+    assert "FID, near" in cells(said.out) and "second take" not in said.out
+    assert "no second takes" in said.err
+    measure.run(options(data))
+    assert list(cells(capsys.readouterr().out.split("\n\n")[0])) == ["plain curves", "far", "near"]
+
+
+@pytest.mark.parametrize("module", [measure, fid_bias])
+def test_a_method_that_drew_nothing_is_told(data, module):
+    with pytest.raises(ValueError, match="no drawings by nearer; there are those by far, near"):
+        module.run(options(data, methods="near,nearer"))
+
+
 def test_looks_are_of_what_is_in_an_image(tmp_path, data):
     looks = Looks(tmp_path / "looks")
     white = np.ones((16, 16, 3), np.float32)
