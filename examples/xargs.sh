@@ -3,7 +3,7 @@
 #
 #     xargs.sh MODEL SHAPES/ OUT/ [OPTION ...]
 #
-# `find SHAPES/ ... -print0 | strokestyle render MODEL - -o OUT/ --jobs 4` does the same in one run
+# `find SHAPES/ ... -print0 | strokestyle render MODEL - -o OUT/` does the same in one run
 # and is quicker; this is a pattern for when another program stands in between, such as `nice`,
 # `timeout`, or a batch system's `srun`, or when find is to choose the shapes. JOBS says how many
 # runs at a time (as many as there are processors), EACH how many shapes in each (20).
@@ -32,4 +32,4 @@ export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" # a processor for each run
 # --resume makes each run a batch, even of one shape, with its lines in OUT/batch.jsonl
 shapes -print0 | xargs -0 -n "${EACH:-20}" \
     -P "${JOBS:-$(getconf _NPROCESSORS_ONLN 2> /dev/null || echo 1)}" \
-    strokestyle render "$model" -o "$out/" --resume "$@" || exit 1
+    strokestyle render "$model" -o "$out/" --jobs 1 --resume "$@" || exit 1

@@ -9,15 +9,51 @@ import time
 import fake_drawing
 import pytest
 
-from strokestyle.batch.memory import MB, can_be_watched, resident
+from strokestyle.batch import pool as pool_module
+from strokestyle.batch.memory import MB, can_be_watched, installed, resident
 from strokestyle.batch.plan import Job
-from strokestyle.batch.pool import ATTEMPTS, Limits, NoWorkers, Pool, draw_in_workers
+from strokestyle.batch.pool import (
+    ATTEMPTS,
+    Limits,
+    NoWorkers,
+    Pool,
+    draw_in_workers,
+    fitting_workers,
+)
 
 needs_posix = pytest.mark.skipif(os.name == "nt", reason="signals")
 
 
 def jobs_in(folder, *names):
     return [Job(f"{name}.obj", str(folder / f"{name}.svg")) for name in names]
+
+
+@pytest.mark.parametrize(
+    "cores, gigabytes, sizes, workers",
+    [
+        (2, 16, [1000] * 9, 2),  # as many as cores
+        (4, 16, [1000] * 3, 3),  # as shapes
+        (64, 256, [1000] * 99, 8),  # not all of a large machine
+        (4, 1, [1000] * 9, 2),  # half of its memory holds two
+        (4, 16, [1000, 80 * MB], 2),
+        (4, 16, [80 * MB] * 4, 3),  # 2.5 GB each, of 8
+        (4, 16, [2000 * MB] * 4, 1),
+        (4, None, [2000 * MB] * 4, 4),  # nobody tells how much there is
+        (1, 16, [], 1),
+    ],
+)
+def test_as_many_workers_as_cores_shapes_and_memory_allow(
+    monkeypatch, cores, gigabytes, sizes, workers
+):
+    monkeypatch.setattr(pool_module, "cores", lambda: cores)
+    memory = None if gigabytes is None else gigabytes * 1024 * MB
+    monkeypatch.setattr(pool_module, "installed", lambda: memory)
+    assert fitting_workers(sizes) == workers
+
+
+@pytest.mark.skipif(os.name == "nt", reason="nobody tells")
+def test_a_machine_has_more_memory_than_a_process_of_it_takes():
+    assert resident(os.getpid()) < installed() < 2**50
 
 
 def parts_in(folder):

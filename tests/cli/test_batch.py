@@ -52,6 +52,20 @@ def fed(text, *args):
     return CliRunner().invoke(cli.main, [str(arg) for arg in args], input=text)
 
 
+@pytest.mark.parametrize("words, workers", [((), 3), (("--jobs", "1"), 1), (("--jobs", "9"), 4)])
+def test_shapes_are_drawn_at_once_unless_told(place, tmp_path, monkeypatch, words, workers):
+    asked = []
+
+    def count(prepare, jobs, workers, *rest):
+        asked.append(workers)
+        return iter(())
+
+    monkeypatch.setattr("strokestyle.batch.pool.draw_in_workers", count)
+    monkeypatch.setattr("strokestyle.batch.pool.cores", lambda: 3)
+    run("render", place / "m.pt", place / "in", "-o", tmp_path / "out", *SMALL, *words)
+    assert asked == [workers]
+
+
 def test_a_batch_stops_is_resumed_and_draws_what_is_drawn_alone(place, tmp_path):
     out, args = tmp_path / "out", ("render", place / "m.pt", place / "in", *SMALL, "--jobs", "2")
     result = run(*args, "-o", out, "--json")

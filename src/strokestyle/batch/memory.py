@@ -1,4 +1,4 @@
-"""How much memory a process has resident: of its own, and of another."""
+"""How much memory a process has resident: of its own, and of another; and how much there is."""
 
 from __future__ import annotations
 
@@ -15,6 +15,14 @@ _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 def can_be_watched() -> bool:
     """Whether this system tells the memory of another process: Linux and macOS do."""
     return resident(os.getpid()) is not None
+
+
+def installed() -> int | None:
+    """Bytes of memory that this machine has; None where nobody tells."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * _PAGE
+    except (AttributeError, ValueError, OSError):  # Windows; a system that does not know the name
+        return None
 
 
 def resident(process: int) -> int | None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..files import clear_parts
-from .memory import MB, resident
+from .memory import MB, installed, resident
 from .outcome import Outcome
 from .plan import Job
 from .worker import PATIENCE, READY, REFUSED, command
@@ -26,6 +26,9 @@ ATTEMPTS = 3  # at a shape over which workers die
 STARTS = 3  # workers one after the other that die before they can begin
 LOOK = 0.05  # seconds from one look at the workers' memory to the next
 REST = 0.5  # seconds that the parent waits at the most, so that it hears of Ctrl-C on Windows
+MOST_WORKERS = 8  # where nobody says how many: of a larger machine others may want a share
+WORKER_ROOM = 200 * MB  # what a worker takes with a small shape: libraries, style and drawing
+ROOM_A_BYTE = 30  # bytes that a worker takes for each of a shape's file: of binary PLY 25, OBJ 13
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,20 @@ class Limits:
 
     seconds: float | None = None
     memory: int | None = None
+
+
+def fitting_workers(sizes: Sequence[int]) -> int:
+    """Choose how many workers draw shapes whose files have these bytes, where nobody says it.
+
+    As many as there are cores and shapes, but no more than MOST_WORKERS, nor than half of this
+    machine's memory holds at the largest shape.
+    """
+    most = min(MOST_WORKERS, cores(), len(sizes))
+    memory = installed()
+    if memory is not None:
+        each = WORKER_ROOM + ROOM_A_BYTE * max(sizes, default=0)
+        most = min(most, memory // 2 // each)
+    return max(1, most)
 
 
 class NoWorkers(OSError):

@@ -62,7 +62,7 @@ class Running:
 
     Parameters
     ----------
-    jobs : shapes drawn at the same time
+    jobs : shapes drawn at the same time; None for as many as suit them and the machine
     limits : what each may cost, or None
     folder : of the journal; None where what is drawn is no batch
     folders : where files are written besides
@@ -72,7 +72,7 @@ class Running:
         machine
     """
 
-    jobs: int = 1
+    jobs: int | None = None
     limits: Limits | None = None
     folder: str | None = None
     folders: Sequence[str] = ()
@@ -119,7 +119,7 @@ def how_to_run(
     if values["resume"] and folder is None:
         raise click.UsageError("--resume goes on with a batch: give -o a folder")
     limits, scheduler = Limits(values["timeout"], values["memory"]), values["scheduler"]
-    if scheduler and values["jobs"] > 1:
+    if scheduler and (values["jobs"] or 1) > 1:
         raise click.UsageError(
             "--jobs is for this machine: with --scheduler as many are drawn at the same time as "
             "the workers there have threads"
@@ -201,13 +201,15 @@ def _outcomes(recipe: Recipe, jobs: Sequence[Job], running: Running) -> Iterator
         return iter(())
     if running.folder is None and running.limits is None and running.scheduler is None:
         return map(functools.partial(draw_here, recipe), jobs)
-    from ..batch.pool import draw_in_workers
+    from ..batch.pool import draw_in_workers, fitting_workers
 
-    if running.scheduler or running.jobs > 1:
-        jobs = sorted(jobs, key=lambda job: _size(job.shape), reverse=True)
+    sizes = [_size(job.shape) for job in jobs]
+    workers = min(running.jobs or fitting_workers(sizes), len(jobs))
+    if running.scheduler or workers > 1:
+        largest_first = sorted(range(len(jobs)), key=sizes.__getitem__, reverse=True)
+        jobs = [jobs[i] for i in largest_first]
     if running.scheduler:
         return _outcomes_elsewhere(recipe, jobs, running.scheduler, running)
-    workers = min(running.jobs, len(jobs))
     prepare = functools.partial(prepare_worker, recipe)
     return draw_in_workers(prepare, jobs, workers, running.limits, running.folders)
 

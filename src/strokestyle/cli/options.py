@@ -412,9 +412,8 @@ batch_options = OptionGroup(
     click.option(
         "--jobs",
         type=click.IntRange(1, 256),
-        default=1,
-        show_default=True,
-        help="Shapes drawn at the same time.",
+        help="Shapes drawn at the same time.  [default: one a core, up to 8, where memory holds "
+        "them]",
     ),
     click.option(
         "--mirror",
