@@ -177,11 +177,18 @@ def run(options: argparse.Namespace) -> None:
         write_bytes(options.plot, plot(found).encode())
 
 
+def svg_file(name: str) -> Path:
+    """The file of a plot, which is an SVG."""
+    if Path(name).suffix.lower() != ".svg":
+        raise argparse.ArgumentTypeError(f"{name}: plots are drawn as SVG: name it .svg")
+    return Path(name)
+
+
 def main() -> None:
     parser = comparing(__doc__)
     parser.add_argument("--repeats", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--plot", type=Path)
+    parser.add_argument("--plot", type=svg_file, metavar="FILE.svg", help="FID over 1/N")
     carry_out(run, parser)
 
 

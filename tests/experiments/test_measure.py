@@ -155,6 +155,13 @@ def test_fid_of_fewer_drawings_is_larger(data, capsys):
     assert plot.read_text().startswith("<svg") and "near" in plot.read_text()
 
 
+def test_a_plot_is_an_svg(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["fid_bias.py", "out", "--plot", "bias.png"])
+    with pytest.raises(SystemExit) as left:
+        fid_bias.main()
+    assert left.value.code == 2 and "bias.png: plots are drawn as SVG" in capsys.readouterr().err
+
+
 def test_a_set_without_second_takes_is_measured_without_them(data, capsys):
     for path in data.root.glob("styles/*/*/take2.png"):
         path.unlink()
