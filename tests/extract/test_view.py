@@ -1,8 +1,10 @@
 """Views: feature maps in closed form, what curves read off them, hidden lines removed, files."""
 
+import copy
 import gc
 import io
 import json
+import pickle
 import weakref
 import zipfile
 from dataclasses import replace
@@ -21,7 +23,6 @@ from strokestyle.extract.feature_maps import (
     NEURAL_STROKES_MAPS,
     NORMAL_MAPS,
     FeatureMaps,
-    _percentile,
     feature_maps,
     plain_raster,
 )
@@ -29,6 +30,7 @@ from strokestyle.extract.line_options import LineOptions
 from strokestyle.extract.lines import SurfaceLines, feature_curves
 from strokestyle.extract.pipeline import extract_view, faces_of, view_of_curves, view_of_lines
 from strokestyle.extract.rays import Bvh
+from strokestyle.extract.seen_surface import percentile
 from strokestyle.extract.view import View, _nearest_covered
 from strokestyle.extract.view_file import load_view, save_view, view_to_json
 from strokestyle.extract.visible import Fragments, look_along
@@ -890,21 +892,52 @@ def test_a_percentile_is_the_value_of_that_rank(count):
     values = np.exp(rng.normal(0.0, 20.0, count)).astype(np.float32)
     values[rng.random(count) < 0.3] = 0.0
     for some in (values, np.round(values), np.full(count, 3.0, np.float32)):
-        assert _percentile(some, 0.9) == np.sort(some)[int(0.9 * (count - 1))]
+        assert percentile(some, 0.9) == np.sort(some)[int(0.9 * (count - 1))]
 
 
-def test_lines_without_feature_maps_are_the_same():
-    """The depth is there, by which parts are put in order; no curvature is worked out for it."""
+def test_maps_are_worked_out_when_asked_for():
+    """One alone is what it is among all, and lines ask for none: no ray and no curvature."""
     surface = wheel_surface()
-    camera = fit_camera(surface.vertices, "three-quarter", 30.0, 96, 96)
-    whole, lean = (extract_view(surface, camera, maps=maps) for maps in (True, False))
-    assert lean.maps.names == ("depth",)
-    assert np.array_equal(lean.maps["depth"], whole.maps["depth"])
-    assert np.array_equal(lean.maps.covered, whole.maps.covered)
-    assert lean.maps.scale[0] == whole.maps.scale[0]
-    assert np.array_equal(lean.curves.xy, whole.curves.xy)
-    assert lean.parts.names == whole.parts.names
-    assert np.array_equal(lean.parts.index, whole.parts.index)
+    camera = fit_camera(surface.vertices, "three-quarter", 30.0, 96, 90)
+    bvh, curves = Bvh(surface), Curves.from_list([[[8.0, 8.5], [60.0, 40.5]]])
+    traced: list[int] = []
+    trace, bvh._run = bvh._run, lambda *rays: traced.append(1) or trace(*rays)
+    one, some, every = (feature_maps(surface, camera, curves, bvh) for _ in range(3))
+    assert one.size == (90, 96) and not traced
+    assert every.values.shape == (11, 90, 96) and len(traced) == 1
+    row, column = np.nonzero(every.covered)
+    assert len(row) > 1000
+    for i, name in enumerate(every.names):
+        assert np.array_equal(one[name], every.values[i]), name
+        assert one.scale_of(name) == every.scale_of(name) == every.scale[i]
+        read = some.read([name], row, column)
+        assert np.array_equal(read, every.read([name], row, column)) and read.shape == (len(row), 1)
+        assert np.array_equal(read[:, 0], every.values[i, row, column])
+    assert len(traced) == 3
+    left = one.with_curves(Curves.empty())
+    assert not left["plain"].any() and one["plain"].any()
+    assert np.array_equal(left.values[:-1], every.values[:-1]) and len(traced) == 3
+
+
+def test_maps_not_yet_worked_out_are_copied_whole():
+    surface = wheel_surface()
+    camera = fit_camera(surface.vertices, "three-quarter", 30.0, 96, 90)
+    views = [extract_view(surface, camera) for _ in range(4)]
+    packed = pickle.dumps(views[0].maps)
+    assert len(packed) < 1.1 * (11 * 96 * 90 * 4 + 96 * 90)  # not the surface and its hierarchy
+    whole = views[3].maps.values
+    moved = replace(views[2].maps, covered=views[2].maps.covered)
+    for maps in (pickle.loads(packed), copy.deepcopy(views[1].maps), moved):
+        assert maps.names == views[3].maps.names and np.array_equal(maps.values, whole)
+        assert np.array_equal(maps.covered, views[3].maps.covered)
+        assert np.array_equal(maps.scale, views[3].maps.scale)
+    with pytest.raises(AttributeError, match="'FeatureMaps' object has no attribute 'value'"):
+        _ = extract_view(surface, camera).maps.value
+    with pytest.raises(ValueError, match="no feature map is named 'normal_z'"):
+        _ = extract_view(surface, camera).maps["normal_z"]
+
+
+def test_lines_alone_take_no_curvature():
     surface = make_surface(*ball(4))
-    view = extract_view(surface, fit_camera(surface.vertices, "front", 30.0, 96, 96), maps=False)
+    view = extract_view(surface, fit_camera(surface.vertices, "front", 30.0, 96, 96))
     assert len(view.curves) and "dcurv" not in vars(surface)

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ..extract.view import View
 
 SUFFIXES = (".png", ".svg", ".svgz", ".pdf", ".npz", ".json")
-WITH_MAPS = (".npz", ".json")  # that hold more than lines
 PAPER = "#ffffff"  # of the PNG that an artist draws over
 
 
@@ -78,8 +77,7 @@ def extract(shape: str, outputs: tuple[str, ...], tell: bool, **options: Any) ->
     if tell and STANDARD_OUTPUT in outputs:
         raise click.UsageError("standard output takes one of both: the SVG, or --json")
     check_outputs(outputs, [shape])
-    maps = any(Path(output).suffix.lower() in WITH_MAPS for output in outputs)
-    view = Shape(shape, options).view(maps=maps)
+    view = Shape(shape, options).view()
     for output in outputs:
         write_view(view, output, Path(shape).stem)
     behind = f"; hidden: {count_curves(view.hidden)}" if options["hidden"] else ""

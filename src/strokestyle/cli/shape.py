@@ -132,11 +132,10 @@ class Shape:
         own = [name for name in line_options.given(self.options) if name != "kinds"]
         return self.has_own_curves and not own and not self.options.get("detail")
 
-    def view(self, optional: bool = False, maps: bool = True) -> View:
+    def view(self, optional: bool = False) -> View:
         """The view that the file holds, or that of the mesh from the camera.
 
         `optional` : with the lines besides that an artist may draw, where the options leave it open
-        `maps` : with all feature maps; those of a file or of lines from elsewhere come anyway
         """
         from ..extract.pipeline import extract_view
         from ..extract.view_file import load_view
@@ -147,7 +146,7 @@ class Shape:
         if self.options.get("curves"):
             return self._view_of_curves()
         surface, camera, hidden = self.shown, self.camera(), self.options.get("hidden", False)
-        with timed("curves and feature maps"), told_warnings(), naming(self.path):
+        with timed("curves"), told_warnings(), naming(self.path):
             return extract_view(
                 surface,
                 camera,
@@ -155,7 +154,6 @@ class Shape:
                 self.spacing(),
                 hidden,
                 optional=optional and self.has_optional_lines,
-                maps=maps,
             )
 
     def _view_of_curves(self) -> View:
@@ -165,7 +163,7 @@ class Shape:
 
         camera = self.camera()
         curves = load_curves(self.options["curves"], (camera.width, camera.height))
-        with timed("feature maps"):
+        with timed("curves"):
             return view_of_curves(self.shown, camera, curves, self.spacing())
 
     def views(self, optional: bool = False) -> Iterator[View]:
@@ -192,7 +190,7 @@ class Shape:
             optional=optional and self.has_optional_lines,
         )
         for _ in range(count):
-            with timed("curves and feature maps"), told_warnings(), naming(self.path):
+            with timed("curves"), told_warnings(), naming(self.path):
                 view = next(views)
             yield view
 

@@ -155,9 +155,13 @@ class Camera:
         but finite.
         """
         x, y, w = self.homogeneous(points)
-        depth = w if self.extent is None else (np.asarray(points) - self.eye) @ self.axes[2]
+        depth = w if self.extent is None else self.depth(points)
         w = np.where(np.abs(w) < 1e-12, 1e-12, w)
         return np.stack([x / w + 0.5 * self.width, y / w + 0.5 * self.height], axis=1), depth
+
+    def depth(self, points: np.ndarray) -> np.ndarray:
+        """Measure the depth along the view axis of world points (N, 3), (N,), as `project` does."""
+        return (np.asarray(points, np.float64) - self.eye) @ self.axes[2]
 
     def shows(self, depth: np.ndarray) -> np.ndarray:
         """Tell which depths (N,) lie before the eye: all where it is at infinity, (N,) bool."""
@@ -196,7 +200,7 @@ class Camera:
         """
         if self.extent is None:
             return self
-        depth = self.project(points)[1]
+        depth = self.depth(points)
         room = 0.05 * max(float(np.ptp(depth)), self.extent)
         if depth.min() >= room:
             return self

@@ -143,17 +143,19 @@ class Scene:
         library.rtcReleaseGeometry(triangles)
 
     def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> FirstHits:
-        """Trace rays from origins (N, 3) along directions (N, 3), float32.
+        """Trace rays from origins along directions, (N, 3) or (N / RAYS, RAYS, 3) each, float32.
 
         Rays that follow each other should run alongside each other: that is faster.
         """
-        count = len(origins)
+        count = origins.size // 3
         out = FirstHits(np.empty(count, np.int32), *np.empty((3, count), np.float32))
-        packets = _Packets(min(CHUNK, -(-count // RAYS)))
-        for first in range(0, count, CHUNK * RAYS):
-            some = slice(first, first + CHUNK * RAYS)
+        origins, directions = _in_packets(origins), _in_packets(directions)
+        packets = _Packets(min(CHUNK, len(origins)))
+        for first in range(0, len(origins), CHUNK):
+            some = slice(first, first + CHUNK)
             packets.trace(self._scene, origins[some], directions[some])
-            packets.read(FirstHits(*(column[some] for column in out)))
+            rays = slice(first * RAYS, (first + CHUNK) * RAYS)
+            packets.read(FirstHits(*(column[rays] for column in out)))
         return out
 
 
@@ -188,10 +190,10 @@ class _Packets:
         self._arguments = _Arguments(COHERENT, ALL_FEATURES, None, None, None)
 
     def trace(self, scene: int, origins: np.ndarray, directions: np.ndarray) -> None:
-        """Trace at most as many rays as there is room for: origins and directions (n, 3)."""
-        count = -(-len(origins) // RAYS)
+        """Trace at most `count` packets: origins and directions (n, RAYS, 3)."""
+        count = len(origins)
         words, numbers = self._words[:count], self._numbers[:count]
-        words[:, ORIGIN], words[:, DIRECTION] = _packed(origins), _packed(directions)
+        words[:, ORIGIN], words[:, DIRECTION] = origins.swapaxes(1, 2), directions.swapaxes(1, 2)
         words[:, DIRECTION][np.abs(words[:, DIRECTION]) < LEAST_PART] = LEAST_PART
         words[:, FARTHEST] = np.inf
         numbers[:, [FACE, GEOMETRY]] = NOTHING
@@ -219,12 +221,14 @@ def _aligned(shape: tuple[int, ...]) -> np.ndarray:
     return memory[start : start + size].view(np.float32).reshape(shape)
 
 
-def _packed(rows: np.ndarray) -> np.ndarray:
-    """Put rows (n, 3) in packets (n / RAYS, 3, RAYS); the last is filled up with the last row."""
+def _in_packets(rows: np.ndarray) -> np.ndarray:
+    """Put rows (n, 3) in packets, (n / RAYS, RAYS, 3); the last is filled up with the last row."""
+    if rows.ndim == 3:
+        return rows
     left = -len(rows) % RAYS
     if left:
         rows = np.concatenate([rows, np.broadcast_to(rows[-1], (left, 3))])
-    return rows.reshape(-1, RAYS, 3).transpose(0, 2, 1)
+    return rows.reshape(-1, RAYS, 3)
 
 
 class PlainScene:
@@ -236,6 +240,8 @@ class PlainScene:
 
     def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> FirstHits:
         """Trace rays as `Scene.first_hits` does."""
-        origins, directions = (np.ascontiguousarray(x, np.float32) for x in (origins, directions))
+        origins, directions = (
+            np.ascontiguousarray(x, np.float32).reshape(-1, 3) for x in (origins, directions)
+        )
         found = self._scene.run(origins, directions, output=1)
         return FirstHits(found["primID"], found["u"], found["v"], found["tfar"])

@@ -23,18 +23,13 @@ from ..geometry.kinds import HARD_KINDS
 from ..geometry.parts import Parts, part_name
 from ..mesh.surface import Surface
 from .camera import Camera
-from .feature_maps import (
-    NEURAL_STROKES_MAPS,
-    NORMAL_MAPS,
-    FeatureMaps,
-    depth_map,
-    feature_maps,
-    plain_raster,
-)
+from .feature_maps import MAPS, PLAIN, FeatureMaps, feature_maps
 from .line_options import LineOptions
 from .lines import SurfaceLines
 from .optional import OptionalLines, optional_lines
+from .plain_raster import plain_raster
 from .rays import Bvh
+from .seen_surface import background_of
 from .tidy import subtract_parallel, tidy_with_source
 from .view import View
 from .visible import Fragments, SampledLines, look_along
@@ -52,9 +47,10 @@ def extract_view(
     hidden: bool = False,
     lines: SurfaceLines | None = None,
     optional: bool = False,
-    maps: bool = True,
 ) -> View:
-    """Draw a surface plainly: find its feature curves, look, tidy, resample, make maps and parts.
+    """Draw a surface plainly: find its feature curves, look, tidy, resample, and tell their parts.
+
+    Feature maps are worked out when they are asked for.
 
     Parameters
     ----------
@@ -66,7 +62,6 @@ def extract_view(
         default the surface keeps what the last view of it found, for one by the same options
     optional : also the lines that an artist may draw besides, as `View.optional`; the others are
         the same with and without
-    maps : all of the feature maps; without, that of the depth alone: enough for who wants the lines
 
     Raises
     ------
@@ -88,14 +83,10 @@ def extract_view(
         apart = _apart_from(seen.strokes, away, camera)
         behind = _tidied(surface, camera, apart, spacing)
     del found, unseen, sight, fragments  # of millions of points, where lines lie behind one another
-    found_maps = (
-        feature_maps(surface, camera, maps_of, lines.bvh)
-        if maps
-        else depth_map(surface, camera, lines.bvh)
-    )
+    maps = feature_maps(surface, camera, maps_of, lines.bvh)
     if given is None:
         lines.remember()
-    view = View(camera, seen.curves, found_maps, behind.curves, strength=seen.strength)
+    view = View(camera, seen.curves, maps, behind.curves, strength=seen.strength)
     view = replace(view, optional=more) if optional else view
     return _with_parts(view, surface, seen.faces, behind.faces)
 
@@ -155,10 +146,7 @@ def see_lines(
     spacing: float = DEFAULT_SPACING,
     optional: bool = False,
 ) -> SeenLines:
-    """Draw a surface plainly as `extract_view` does, and keep where on it the lines lie.
-
-    No maps are made, which is most of the time that a view takes.
-    """
+    """Draw a surface plainly as `extract_view` does, and keep where on it the lines lie."""
     fragments = look_along(lines.surface, camera, lines.seen_from(camera), lines.bvh).fragments()
     assert fragments.point is not None  # `look_along` tells it
     seen = _tidied(lines.surface, camera, fragments, spacing)
@@ -260,11 +248,10 @@ def view_of_lines(
     """
     curves, source = clip_with_source(curves, width, height)
     curves = resample_curves(curves, spacing)
-    names = (*NEURAL_STROKES_MAPS, *NORMAL_MAPS, "plain")
-    values = np.ones((len(names), height, width), np.float32)
-    values[len(NEURAL_STROKES_MAPS) : -1] = 0.0
-    values[-1] = plain_raster(curves, width, height)
-    maps = FeatureMaps(names, values, np.zeros((height, width), bool))
+    values = np.empty((len(MAPS), height, width), np.float32)
+    for one, name in zip(values, MAPS, strict=True):
+        one[:] = plain_raster(curves, width, height) if name == PLAIN else background_of(name)
+    maps = FeatureMaps(MAPS, values, np.zeros((height, width), bool))
     eye, target, up = np.array([0.0, 0.0, 2.0]), np.zeros(3), np.array([0.0, 1.0, 0.0])
     camera = Camera(eye, target, up, 30.0, width, height)
     of_points = None if parts is None else parts.take(source[owner(curves.offsets)])

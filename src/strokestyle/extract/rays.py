@@ -98,8 +98,8 @@ class Bvh:
     def _run(self, origins: np.ndarray, directions: np.ndarray) -> FirstHits:
         """Trace rays (N, 3) in embree's own units; distances are in lengths of the directions."""
         if self._scene is None:
-            nothing = np.zeros(len(origins), np.float32)
-            return FirstHits(np.full(len(origins), -1, np.int32), nothing, nothing, nothing)
+            nothing = np.zeros(origins.size // 3, np.float32)
+            return FirstHits(np.full(len(nothing), -1, np.int32), nothing, nothing, nothing)
         return self._scene.first_hits(origins, directions.astype(np.float32, copy=False))
 
     def first_faces(self, origins: np.ndarray, directions: np.ndarray) -> FirstHits:
@@ -107,8 +107,8 @@ class Bvh:
 
         Parameters
         ----------
-        origins : (3,) or (N, 3), world units
-        directions : (N, 3) of any length
+        origins : (3,) or as directions, world units
+        directions : (N, 3) of any length, or (N / RAYS, RAYS, 3) of rays alongside each other
         """
         directions = directions.astype(np.float32, copy=False)
         origins = np.broadcast_to(self._local(np.asarray(origins, np.float64)), directions.shape)

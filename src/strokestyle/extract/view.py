@@ -13,7 +13,8 @@ import numpy as np
 from ..geometry.curves import Curves, arc_length, owner, stretches
 from ..geometry.parts import Parts
 from .camera import Camera
-from .feature_maps import NORMAL_MAPS, FeatureMaps
+from .feature_maps import FeatureMaps
+from .seen_surface import background_of
 
 DEPTH_STEP = 0.01  # of the depth: a jump, not a slope
 FRONT_REACH = 2  # px, how far from a line the part in front is looked for
@@ -54,9 +55,10 @@ class View:
     optional: np.ndarray | None = None
 
     def __post_init__(self):
-        if self.maps.covered.shape != (self.camera.height, self.camera.width):
+        height, width = self.maps.size
+        if (height, width) != (self.camera.height, self.camera.width):
             raise ValueError(
-                f"View.maps are {self.maps.covered.shape[1]} x {self.maps.covered.shape[0]} px, "
+                f"View.maps are {width} x {height} px, "
                 f"its camera {self.camera.width} x {self.camera.height}"
             )
         for parts, curves in ((self.parts, self.curves), (self.hidden_parts, self.hidden)):
@@ -136,14 +138,13 @@ class View:
         seen at all, the maps' background is read.
         """
         xy = self.curves.xy if xy is None else np.asarray(xy, np.float64)
-        maps = [self.maps.names.index(name) for name in names]
         if not len(xy) or not self.maps.covered.any():
-            background = np.array([name not in NORMAL_MAPS for name in names], np.float32)
-            return np.broadcast_to(background, (len(xy), len(maps))).copy()
+            background = np.array([background_of(name) for name in names], np.float32)
+            return np.broadcast_to(background, (len(xy), len(names))).copy()
         row, column = self._front_pixels(xy)
         lost = ~self.maps.covered[row, column]
         row[lost], column[lost] = _nearest_covered(self.maps.covered, row[lost], column[lost])
-        return self.maps.values[np.array(maps)[:, None], row, column].T
+        return self.maps.read(names, row, column)
 
     def _front_pixels(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Choose for points (N, 2) the row and column (N,) of the pixel that shows the front.
@@ -151,7 +152,7 @@ class View:
         That is the pixel under the point unless a surface clearly nearer to the eye is seen within
         FRONT_REACH px; then the pixel of that surface nearest to the point.
         """
-        height, width = self.maps.covered.shape
+        height, width = self.maps.size
         depth = np.where(self.maps.covered, self.maps["depth"], np.inf)
         column, row = (
             np.clip(np.floor(xy[:, i]).astype(np.int64), 0, n - 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,9 +14,11 @@ from .eye import at_infinity, towards
 EDGE_ON = 1e-12  # n.v, up to rounding, of a face that is seen along itself
 
 
-@dataclass(frozen=True)
 class SomeVertices:
-    """What is measured at some vertices of a surface, (n, ...) each, as `Surface` has it."""
+    """What is measured at some vertices of a surface, (n, ...) each, as `Surface` has it.
+
+    It is taken, and where nothing asked for it yet worked out, when it is asked for.
+    """
 
     vertices: np.ndarray
     normals: np.ndarray
@@ -26,12 +28,18 @@ class SomeVertices:
     pdir2: np.ndarray
     dcurv: np.ndarray
 
-    @classmethod
-    def of(cls, surface: Surface, vertex: np.ndarray) -> SomeVertices:
-        """Take the vertices of an index (n,)."""
-        names = (each.name for each in fields(cls) if each.name != "dcurv")
-        taken = {name: getattr(surface, name)[vertex] for name in names}
-        return cls(**taken, dcurv=surface.dcurv_at(vertex))
+    def __init__(self, surface: Surface, vertex: np.ndarray) -> None:
+        self._surface, self._vertex = surface, vertex
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        if name not in SomeVertices.__annotations__:
+            raise AttributeError(f"'SomeVertices' object has no attribute {name!r}")
+        if name == "dcurv":
+            value = self._surface.dcurv_at(self._vertex)
+        else:
+            value = getattr(self._surface, name)[self._vertex]
+        vars(self)[name] = value
+        return value
 
 
 @dataclass(frozen=True)
@@ -93,7 +101,7 @@ class VertexFields:
 
     def radial_derivative_at(self, surface: Surface, vertex: np.ndarray) -> np.ndarray:
         """Measure `radial_derivative` at some vertices, (n,) int, alone: 0 at others, (V,)."""
-        some = SomeVertices.of(surface, vertex)
+        some = SomeVertices(surface, vertex)
         view = VertexFields(some, self.to_eye[vertex], self.n_dot_v[vertex])
         derivative = np.zeros(len(self.n_dot_v))
         derivative[vertex] = view.radial_derivative(some)
@@ -120,23 +128,31 @@ class VertexFields:
         1 / n.v along the projected view direction. The direction lies in the tangent plane, in
         world coordinates.
         """
-        q11, q12, q21, q22 = self._seen_curvature(surface)
-        a, b, c = q11**2 + q21**2, q11 * q12 + q21 * q22, q12**2 + q22**2  # Q'Q
-        largest = 0.5 * (a + c) + np.sqrt(b**2 + 0.25 * (a - c) ** 2)
+        a, b, c = self._squared_curvature(surface)
         angle = 0.5 * np.arctan2(2.0 * b, a - c)
         direction = np.cos(angle)[:, None] * surface.pdir1 + np.sin(angle)[:, None] * surface.pdir2
-        return largest, direction
+        return _largest(a, b, c), direction
 
-    def _seen_curvature(
+    def largest_view_curvature(self, surface: Surface | SomeVertices) -> np.ndarray:
+        """Measure that curvature without its direction, (V,)."""
+        return _largest(*self._squared_curvature(surface))
+
+    def _squared_curvature(
         self, surface: Surface | SomeVertices
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Work out Q of `view_curvature` in the principal directions, row by row, (V,) each."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Work out Q'Q of `view_curvature` in the principal directions: its uu, uv, vv, (V,)."""
         square = self.u**2 + self.v**2
         stretch = (1.0 / np.maximum(np.abs(self.n_dot_v), 1e-6) - 1.0) / np.maximum(square, 1e-12)
         stretch = np.where(square > 1e-12, stretch, 0.0)
         uu, uv, vv = stretch * self.u**2, stretch * self.u * self.v, stretch * self.v**2
         k1, k2 = surface.k1, surface.k2
-        return k1 * (1.0 + uu), k1 * uv, k2 * uv, k2 * (1.0 + vv)
+        q11, q12, q21, q22 = k1 * (1.0 + uu), k1 * uv, k2 * uv, k2 * (1.0 + vv)
+        return q11**2 + q21**2, q11 * q12 + q21 * q22, q12**2 + q22**2
+
+
+def _largest(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Find the larger eigenvalue of symmetric matrices (a, b; b, c), (V,)."""
+    return 0.5 * (a + c) + np.sqrt(b**2 + 0.25 * (a - c) ** 2)
 
 
 @dataclass(frozen=True)

@@ -140,8 +140,7 @@ def _parts_to_json(parts: Parts | None) -> dict:
 def _surface_along_curves(view: View) -> dict[str, list]:
     """Read the maps of JSON_FIELDS along the curves, unscaled, to four decimals."""
     maps = view.maps
-    assert maps.scale is not None  # FeatureMaps has it of every map
-    scale = np.array([maps.scale[maps.names.index(name)] for name in JSON_FIELDS])
+    scale = np.array([maps.scale_of(name) for name in JSON_FIELDS])
     values = view.at_curves(tuple(JSON_FIELDS)) * scale
     return {
         name: _ragged(view.curves.offsets, column, 4)

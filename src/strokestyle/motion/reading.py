@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..extract.feature_maps import CLIP, FLAT, MIN_SCALE
 from ..extract.rays import Bvh
+from ..extract.seen_surface import CLIP, FLAT, MIN_SCALE, SHARE
 from ..extract.surface_curves import interpolate_on_faces
 from ..extract.view import DEPTH_STEP
 from ..extract.view_curvature import SomeVertices, VertexFields
@@ -16,7 +16,6 @@ from .frames import Shot
 from .places import Places
 
 GRID = 8  # px of a canvas of 768 between the rays that tell the scale of quantities
-SHARE = 0.9  # of the surface seen, whose values lie below the scale
 
 
 def surface_scale(shot: Shot, bvh: Bvh) -> np.ndarray:
@@ -98,10 +97,10 @@ def _values(shot: Shot, face: np.ndarray, bary: np.ndarray, depth: np.ndarray) -
 
 def _vertex_fields(shot: Shot, vertex: np.ndarray) -> np.ndarray:
     """Measure n.v, view-dependent curvature and the normal on the screen of vertices, (n, 4)."""
-    part = SomeVertices.of(shot.surface, vertex)
+    part = SomeVertices(shot.surface, vertex)
     view = VertexFields.at(part, shot.camera.viewpoint)
     right, down, _ = shot.camera.axes
-    bend = view.view_curvature(part)[0]
+    bend = view.largest_view_curvature(part)
     return np.stack([view.n_dot_v, bend, part.normals @ right, part.normals @ down], axis=1)
 
 

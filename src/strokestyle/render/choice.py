@@ -195,8 +195,7 @@ def line_columns(view: View, scale: float = 1.0) -> np.ndarray:
     line, spacing = owner(curves.offsets), _spacing(view) / scale
     surface = along_strokes(surface_at(view, spacing), curves.offsets, NORMAL_SIGMA, spacing)
     depth, n_dot_v, normal = surface[:, 0], surface[:, 1], surface[:, 3:]
-    if view.maps.scale is not None:
-        n_dot_v = n_dot_v * view.maps.scale[view.maps.names.index("n_dot_v")]
+    n_dot_v = n_dot_v * view.maps.scale_of("n_dot_v")
     strength = np.ones(count) if view.strength is None else view.strength
     strength = along_strokes(strength, curves.offsets, NORMAL_SIGMA, spacing)
     low, high = np.percentile(depth, DEPTH_RANGE)
