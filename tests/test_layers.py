@@ -123,6 +123,14 @@ def test_a_mesh_is_drawn_without_torch():
     assert "render.quilt" in seen and not torch
 
 
+def test_thickness_is_scaled_without_scipy():
+    """Its import takes half as long as all that `edit --thickness` does besides."""
+    seen = imported_with("cli.edit", "cli.edit_text", "svg.rescale")
+    heavy = {"scipy", "trimesh", "torch"}
+    assert "svg.tones" in seen and "extract.pipeline" not in seen
+    assert not [name for name in seen if heavy & {module for module, top in imports(name) if top}]
+
+
 def test_a_fast_preset_learns_without_torch():
     """Its import takes as long as a third of what `fit --preset quick` does besides."""
     seen = imported_with("fit.train", "fit.exemplar", "fit.checkpoint", "fit.report")

@@ -11,6 +11,7 @@ from svg_programs import small
 
 from strokestyle.drawing.edit import thicken
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture
+from strokestyle.svg import rescale
 from strokestyle.svg.path_data import parse_path
 from strokestyle.svg.read import read_svg, read_svg_file
 from strokestyle.svg.rescale import thickened_svg
@@ -51,6 +52,20 @@ def test_it_looks_like_the_edit_of_the_drawing():
     ours, theirs, before = pictures
     assert (255 - ours).mean() == pytest.approx((255 - theirs).mean(), rel=0.12)
     assert (255 - ours).mean() > 1.15 * (255 - before).mean()
+
+
+def test_a_tree_finds_the_places_that_all_pairs_find(monkeypatch):
+    random = np.random.default_rng(0)
+    lines = [random.uniform(0, 100, (n, 2)) for n in (40, 1, 7, 300)]
+    of = np.repeat([0, 2, 3], 50)  # a stroke may have no points
+    points = random.uniform(0, 100, (len(of), 2))
+    by_pairs = rescale._nearest(points, of, lines)
+    monkeypatch.setattr(rescale, "AT_ONCE", 1000)
+    assert np.array_equal(rescale._nearest(points, of, lines), by_pairs)
+    monkeypatch.setattr(rescale, "MAX_PAIRS", 0)
+    assert np.array_equal(rescale._nearest(points, of, lines), by_pairs)
+    begin = np.cumsum([0, *map(len, lines)])
+    assert (begin[of] <= by_pairs).all() and (by_pairs < begin[of + 1]).all()
 
 
 def test_there_and_back_eight_times_wears_nothing():

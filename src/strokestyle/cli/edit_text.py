@@ -14,7 +14,6 @@ from ..drawing.strokes import Drawing, Strokes, lengths
 from ..geometry.curves import is_kind
 from ..geometry.kinds import KINDS
 from ..geometry.parts import part_name
-from ..render.restyle import restyle
 from .model import read_style
 
 
@@ -243,6 +242,8 @@ def _parse_drop(text: str) -> Edit:
 
 def _restyle_with(model: str) -> Edit:
     def apply(named: NamedDrawing, seed: int) -> NamedDrawing:
+        from ..render.restyle import restyle  # no other edit needs what extracts lines
+
         drawing = restyle(named.drawing, read_style(model), seed)
         return NamedDrawing(drawing, ("",) * len(drawing.strokes))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..geometry.curves import arc, blurred
 from .strokes import SAME_POINT, Strokes, merge_coincident_points
@@ -122,6 +121,8 @@ def overlaps(band: Ribbon, margin: float) -> bool:
     band : Ribbon
     margin : px of its half width that hold no ink
     """
+    from scipy.spatial import cKDTree  # takes .25 s to import, and few strokes come so far
+
     step = max(1.0, 0.4 * float(band.half.min()))
     s = np.linspace(0.0, band.length, max(3, int(np.ceil(band.length / step)) + 1))
     xy = np.stack([np.interp(s, band.along, column) for column in band.xy.T], axis=1)

@@ -18,7 +18,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 NEIGHBOURS = 8  # of a line's end: no move is tried that brings none of them next to it
 FEW = 8  # nearest ends that are looked up at once, to find one that is left
@@ -98,6 +97,8 @@ def short_route(
 
 def _near_pairs(ends: np.ndarray, group: np.ndarray, of: np.ndarray) -> np.ndarray:
     """Pair (M, 2) each end in `of` with the nearest of them of other lines of its group."""
+    from scipy.spatial import cKDTree  # takes .25 s to import, and only plotters need routes
+
     points = np.stack([ends[of].real, ends[of].imag], axis=1)
     apart = 4 * np.ptp(points, axis=0).max() + 1.0  # one group lies above the other
     points = np.column_stack([points, apart * group[of >> 1]])
@@ -141,6 +142,8 @@ def _nearest_next(ends: np.ndarray, group: np.ndarray) -> list[np.ndarray]:
 
 def _nearest_tour(ends: np.ndarray, of: np.ndarray) -> np.ndarray:
     """Visit the lines whose ends are `of`, the nearest always next."""
+    from scipy.spatial import cKDTree
+
     points, drawn = np.stack([ends.real, ends.imag], axis=1), np.zeros(len(ends), bool)
     corner = points[of].min(axis=0)
     tour = [int(of[np.linalg.norm(points[of] - corner, axis=1).argmin()])]

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..drawing.strokes import MAX_MARGIN
 from ..files import limited
@@ -31,6 +30,8 @@ FACTORS = (0.5, 1.6)  # beyond, grain would be drawn out across strokes too much
 SPACING = 1.0  # px between places on centre lines among which the nearest is looked up
 MOVED = 0.06  # px that landmarks may be off where nobody moved a stroke
 APART = 1e7  # between strokes where places are looked up, more than any two of one stroke
+MAX_PAIRS = 1 << 27  # of a point and a place on its centre line, that are looked at one by one
+AT_ONCE = 1 << 18  # of these pairs
 _LETTERS = str.maketrans("Mmqt", "    ")
 
 
@@ -167,8 +168,7 @@ def _steps_away(strokes: Sequence[StrokeElement], rings: _Rings, factor: float) 
     whose = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
     points = rings.points * (2 * TONE_UNIT)
     of = np.repeat(rings.stroke, np.diff(rings.offsets))
-    tree = cKDTree(np.column_stack([xy, APART * whose]))
-    near = tree.query(np.column_stack([points, APART * of]))[1]
+    near = _nearest(points, of, lines)
     away = points - xy[near]
     for step in (-1, 1):  # to the pieces before and behind that place
         other = np.clip(near + step, 0, len(xy) - 1)
@@ -179,6 +179,31 @@ def _steps_away(strokes: Sequence[StrokeElement], rings: _Rings, factor: float) 
         closer = np.hypot(*beside.T) < np.hypot(*away.T)
         away = np.where(closer[:, None], beside, away)
     return np.rint((factor - 1.0) * away / (2 * TONE_UNIT)).astype(np.int64)
+
+
+def _nearest(points: np.ndarray, of: np.ndarray, lines: list[np.ndarray]) -> np.ndarray:
+    """The row (n,) of the stacked lines [(m, 2), ...] that is nearest to each point (n, 2).
+
+    Of its own line only: `of` (n,), in order.
+    """
+    begin = np.cumsum([0] + [len(line) for line in lines])
+    first = np.searchsorted(of, np.arange(len(lines) + 1))
+    if (np.diff(first) * np.diff(begin)).sum() > MAX_PAIRS:
+        from scipy.spatial import cKDTree  # takes .25 s to import, as long as so many pairs
+
+        whose = np.repeat(np.arange(len(lines)), np.diff(begin))
+        tree = cKDTree(np.column_stack([np.concatenate(lines), APART * whose]))
+        return tree.query(np.column_stack([points, APART * of]))[1]
+    near = np.zeros(len(points), np.int64)
+    for i, line in enumerate(lines):
+        middle = line.mean(axis=0)
+        places, step = line - middle, max(1, AT_ONCE // len(line))
+        size = np.square(places).sum(axis=1)
+        for a in range(first[i], first[i + 1], step):
+            rows = slice(a, min(a + step, first[i + 1]))
+            square = size - 2.0 * (points[rows] - middle) @ places.T
+            near[rows] = begin[i] + square.argmin(axis=1)
+    return near
 
 
 def _dense(stroke: StrokeElement) -> np.ndarray:

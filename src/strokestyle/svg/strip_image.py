@@ -6,7 +6,6 @@ import functools
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from ..drawing.strip import texel_places
 from ..drawing.strokes import Drawing, Strokes, Texture
@@ -95,6 +94,8 @@ def _smaller(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
 
     By least squares.
     """
+    from scipy.linalg import solveh_banded  # slow to import: where strips are told, not at start
+
     n, a = values.shape
     if columns < a:
         values = values @ _squeeze(a, columns)

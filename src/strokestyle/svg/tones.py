@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from ..drawing.ribbon import Ribbon, ribbon
 from ..drawing.strokes import Drawing
@@ -513,6 +512,8 @@ def fit_bsplines(
     -------
     The control points (n, 2), px, one for each point of `keep`.
     """
+    from scipy.linalg import solveh_banded  # slow to import, and not needed to scale tones
+
     before, after = _neighbours(offsets)
     kept = xy[keep]
     # the middle of a piece is at (before + 6 here + after) / 8
