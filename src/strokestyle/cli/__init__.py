@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import sys
 from typing import Any
@@ -20,6 +21,7 @@ class Group(click.Group):
     def main(self, *args: Any, **options: Any) -> Any:
         open_standard_streams()
         use_one_blas_thread()
+        look_for_cycles_rarely()
         return super().main(*args, **options)
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -46,6 +48,15 @@ def use_one_blas_thread() -> None:
     """
     if "OMP_NUM_THREADS" not in os.environ:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def look_for_cycles_rarely() -> None:
+    """Have Python look for garbage in cycles after as many new objects as a drawing takes.
+
+    By default it looks after every 700 and walks over all modules time and again while they are
+    imported, a twentieth of the time of one drawing. What we make is let go without it.
+    """
+    gc.set_threshold(200_000)
 
 
 def open_standard_streams() -> None:

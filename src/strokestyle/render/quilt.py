@@ -57,7 +57,9 @@ STRIP_OVER_COST = 4.0  # where the strip ended
 
 FEATHER = 3.0  # rows over which two runs fade into each other at a cut
 HALF_CUT = 4  # px to either side of a joint within which the least-error cut is sought
-CHUNK = 1024  # rows that are copied at a time: what is worked out of them stays in cache
+# what is worked out at a time, so that it stays in cache: nodes whose sources are weighed, rows
+# that are copied
+BLOCK, CHUNK = 128, 1024
 
 
 def synthesise(
@@ -191,8 +193,8 @@ def _cheapest_sources(
     """
     few = min(CANDIDATES, len(source))
     near = np.empty((len(target), few), np.int64)
-    for a in range(0, len(target), 1024):
-        part = slice(a, a + 1024)
+    for a in range(0, len(target), BLOCK):
+        part = slice(a, a + BLOCK)
         cost = target[part] @ source.T
         cost += RANDOMNESS * chance.standard_exponential(cost.shape, np.float32)
         if barred is not None:
