@@ -309,7 +309,7 @@ def child_views(path: str, small: str) -> list[Measured]:
     surface, begun = clocked(lambda: first(path))
     views = [begun]
     for way in (look_whole, look):
-        more = [clocked(lambda i=i: way(surface, i + 1))[1] for i in range(VIEWS)]
+        more = [clocked(lambda way=way, i=i: way(surface, i + 1))[1] for i in range(VIEWS)]
         views.append({name: median(one[name] for one in more) for name in begun})
     return views
 

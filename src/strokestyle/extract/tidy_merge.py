@@ -9,7 +9,7 @@ their density.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +46,7 @@ CHUNK = 1 << 18  # pairs of points that are looked at in one go
 # A batch has about so many pairs of points at most: for each point, and besides
 BATCH_PAIRS, BATCH_FLOOR = 64, 1 << 21
 ROW = 1 << 31  # cells in a row of a grid
+SORT = 1 << 61  # cells of one sort of points in a grid
 
 _WEIGHT = np.array([kind.weight for kind in KIND_TABLE])
 _RANK = np.array([PRIORITY.index(name) for name in KINDS])
@@ -160,32 +161,55 @@ def _row_dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 class _Grid:
-    """Points in square cells, sorted by their cell."""
+    """Points in square cells, of three sorts, sorted by sort and cell."""
 
-    def __init__(self, xy: np.ndarray, rows: np.ndarray) -> None:
-        key = _cells(xy[rows]) @ [1, ROW]
+    def __init__(self, xy: np.ndarray, rows: np.ndarray, sort: np.ndarray) -> None:
+        key = _cells(xy[rows]) @ [1, ROW] + SORT * sort[rows]
         order = np.argsort(key, kind="stable")
         self.rows, self.key = rows[order], key[order]
 
-    def near(self, xy: np.ndarray, rows: np.ndarray, reach: float) -> Iterator[np.ndarray]:
+    def near(self, xy: np.ndarray, rows: np.ndarray, reach: np.ndarray) -> Iterator[np.ndarray]:
         """Pair points of the grid with others: rows (2, P) of one and of the other, some at a time.
 
-        All within `reach` px are among them, and others.
+        All within `reach` (3,) px, one of each sort, are among them, and others.
         """
         if not (len(self.rows) and len(rows)):
             return
-        beyond = int(np.ceil(reach / CELL))
-        cell = _cells(xy[rows])
-        across = np.arange(-beyond, beyond + 1)
-        left = (cell @ [1, ROW])[:, None] + across * ROW - beyond
+        cell, of = np.unique(_cells(xy[rows]) @ [1, ROW], return_inverse=True)
+        left, width = _cell_rows(np.ceil(reach / CELL).astype(np.int64))
+        left = left[:, None] + cell  # ascending, which are found faster
         start = np.searchsorted(self.key, left)
-        count = np.searchsorted(self.key, left + 2 * beyond, "right") - start
-        total = np.cumsum(count.sum(axis=1))
+        count = np.searchsorted(self.key, left + width[:, None], "right") - start
+        total = np.cumsum(count.sum(axis=0)[of])
         cuts = np.unique(np.searchsorted(total, np.arange(CHUNK, total[-1], CHUNK)))
         for some in map(slice, (0, *cuts), (*cuts, len(rows))):
-            first, many = start[some].ravel(), count[some].ravel()
+            first, many = start[:, of[some]].ravel(), count[:, of[some]].ravel()
             found = np.repeat(first, many) + counting(many)
-            yield np.stack([self.rows[found], np.repeat(rows[some], count[some].sum(axis=1))])
+            asked = np.repeat(np.tile(rows[some], len(left)), many)
+            yield np.stack([self.rows[found], asked])
+
+
+def _cell_rows(beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """List the rows of cells around a cell, as far `beyond` it as (3,) of each sort says, (R,).
+
+    Each is told by what its first cell's key in a `_Grid` is more than that of the cell, and how
+    much more that of its last is.
+    """
+    sort = np.repeat(np.arange(len(beyond)), 2 * beyond + 1)
+    across = counting(2 * beyond + 1) - beyond[sort]
+    return SORT * sort + ROW * across - beyond[sort], 2 * beyond[sort]
+
+
+def _in_one(pairs: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+    """Put pairs (2, P) one after the other, up to about CHUNK in one."""
+    held: list[np.ndarray] = []
+    for some in pairs:
+        held.append(some)
+        if sum(one.shape[1] for one in held) >= CHUNK:
+            yield np.concatenate(held, axis=1)
+            held = []
+    if held:
+        yield np.concatenate(held, axis=1)
 
 
 def _cells(xy: np.ndarray) -> np.ndarray:
@@ -194,7 +218,7 @@ def _cells(xy: np.ndarray) -> np.ndarray:
 
 
 class _Kept:
-    """Points of curves that are settled: one list of grids for each kind of the better curve.
+    """Points of curves that are settled, in grids, where their sort is what they are as better.
 
     Each grid holds at least twice as many points as the next, so that few are made and few asked.
     """
@@ -202,17 +226,15 @@ class _Kept:
     def __init__(self, contest: _Contest) -> None:
         self.contest = contest
         self.xy = np.ascontiguousarray(contest.lines.xy.T)
-        self.grids: tuple[list[_Grid], ...] = ([], [], [])
+        self.sort = contest.as_better[contest.lines.of]
+        self.grids: list[_Grid] = []
 
     def add(self, rows: np.ndarray) -> None:
         """Keep rows of the contest, and let them beat what is worse from now on."""
-        lines, of = self.contest.lines, self.contest.as_better[self.contest.lines.of[rows]]
-        for what, grids in enumerate(self.grids):
-            new = rows[of == what]
-            while grids and len(grids[-1].rows) < 2 * len(new):
-                new = np.concatenate([grids.pop().rows, new])
-            if len(new):
-                grids.append(_Grid(lines.xy, new))
+        while self.grids and len(self.grids[-1].rows) < 2 * len(rows):
+            rows = np.concatenate([self.grids.pop().rows, rows])
+        if len(rows):
+            self.grids.append(_Grid(self.contest.lines.xy, rows, self.sort))
 
     def beside(
         self, rows: np.ndarray, gone: np.ndarray | None = None
@@ -222,31 +244,33 @@ class _Kept:
         Points that are `gone` (N,) by the time that they would be asked again are not.
         """
         contest = self.contest
-        lines, asks = contest.lines, contest.asks[contest.lines.of[rows]]
+        asks, before = contest.asks[contest.lines.of], contest.lines.first[contest.lines.of]
+        limit = contest.reach**2 * (1.0 + 1e-9)
         x, y = self.xy
-        for who, what in np.ndindex(contest.reach.shape):
-            asked, reach = rows[asks == who], float(contest.reach[who, what])
-            for grid in self.grids[what]:
-                asked = asked if gone is None else asked[~gone[asked]]
-                for better, worse in grid.near(lines.xy, asked, reach):
-                    ahead = better < worse  # rows are in the order of their curves' ranks
-                    better, worse = better[ahead], worse[ahead]
-                    apart = np.square(x[better] - x[worse]) + np.square(y[better] - y[worse])
-                    near = apart <= reach**2 * (1.0 + 1e-9)
-                    better, worse = better[near], worse[near]
-                    if not len(better):
-                        continue
-                    beside = contest.beside(better, worse)
-                    beside &= lines.of[better] != lines.of[worse]
-                    yield better[beside], worse[beside]
+        for grid in self.grids:
+            asked = rows if gone is None else rows[~gone[rows]]
+            for better, worse in _in_one(self._near(grid, asked)):
+                ahead = better < before[worse]  # rows are in the order of their curves' ranks
+                better, worse = better[ahead], worse[ahead]
+                apart = np.square(x[better] - x[worse]) + np.square(y[better] - y[worse])
+                near = apart <= limit[asks[worse], self.sort[better]]
+                better, worse = better[near], worse[near]
+                beside = contest.beside(better, worse)
+                yield better[beside], worse[beside]
+
+    def _near(self, grid: _Grid, rows: np.ndarray) -> Iterator[np.ndarray]:
+        """Pair points of a grid with others that ask, as `_Grid.near` does."""
+        asks = self.contest.asks[self.contest.lines.of[rows]]
+        for who, reach in enumerate(self.contest.reach):
+            yield from grid.near(self.contest.lines.xy, rows[asks == who], reach)
 
     def gap(self, rows: np.ndarray) -> np.ndarray:
         """Measure how far points (M,) are from better curves, (M,) px; inf beyond `merge` px."""
         contest, lines = self.contest, self.contest.lines
         reach = contest.options.merge
         gap = np.full(len(lines.xy), np.inf)
-        for grid in (grid for grids in self.grids for grid in grids):
-            for better, worse in grid.near(lines.xy, rows, reach + STEP):
+        for grid in self.grids:
+            for better, worse in grid.near(lines.xy, rows, np.full(3, reach + STEP)):
                 good = lines.of[better] < lines.of[worse]
                 better, worse = better[good], worse[good]
                 for side in (-1, 1):
