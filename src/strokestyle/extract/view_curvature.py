@@ -34,12 +34,14 @@ class SomeVertices:
     def __getattr__(self, name: str) -> np.ndarray:
         if name not in SomeVertices.__annotations__:
             raise AttributeError(f"'SomeVertices' object has no attribute {name!r}")
+        surface, vertex = self._surface, self._vertex
         if name == "dcurv":
-            value = self._surface.dcurv_at(self._vertex)
+            self.dcurv = surface.dcurv_at(vertex)
+        elif name in ("vertices", "normals"):
+            vars(self)[name] = getattr(surface, name)[vertex]
         else:
-            value = getattr(self._surface, name)[self._vertex]
-        vars(self)[name] = value
-        return value
+            self.k1, self.k2, self.pdir1, self.pdir2 = surface.curvature_at(vertex)
+        return vars(self)[name]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .creases import creases
-from .curvature import surface_normals
+from .normals import surface_normals
 from .triangles import Edges, FaceShapes, bends, clashes, face_normals, polygon_normals
 
 

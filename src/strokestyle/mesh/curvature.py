@@ -1,251 +1,35 @@
-"""Measure a mesh: normals, principal curvatures and their derivative, feature size."""
+"""Measure a mesh: principal curvatures and their derivative, feature size."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_matrix, identity
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from .normals import surface_normals
+from .smoothing import Blur, smoothing
 from .triangles import (
-    BLOCK,
     TINY,
     Edges,
     any_corner,
     blocks,
-    column_cross,
     column_dot,
     columns,
     row_dot,
-    scatter_sum,
-    side_vectors,
+    sum_at_corners,
+    tangent_frame,
     unit_rows,
 )
 
-Blur = Callable[[np.ndarray], np.ndarray]
+MOST = 0.6  # share of the vertices, of more anything is worked out at all
+MANY = 50_000  # faces, from which on single precision will do
+SLIVER = 1e-8  # height of a face by its length, of less it says nothing across it
+ROUNDINGS = 30.0  # or so many roundings of the numbers that it is measured in
+LEAST_PIVOT = 1e-12  # in single precision, of systems of size 1: keeps what is solved finite
 
-CHUNK = 32 * BLOCK  # faces whose corners are summed up in one go: bounds memory
-MAX_KEPT = 1 << 19  # faces, of more the frames are set up twice rather than kept: they are large
-MIN_SORTED = 8  # steps of smoothing, from which on it pays to put vertices in order
-MOST = 0.6  # share of the vertices, of more the derivative is worked out at all
-FEW = 0.1  # share of the vertices, of less the curvature is worked out there alone
-HUB = 64  # faces round a vertex, more than which are a fan rather than a surface round a point
-RING_PAIRS = 1 << 20  # pairs of a vertex and a face near it that are looked at in one go
-MAX_EXTRAPOLATED = 30.0  # degrees that an extrapolated normal may turn from the averaged one
-
-
-def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Average face normals at the vertices, unit (V, 3).
-
-    They are weighted as in Max 1999, which is exact for points on a sphere.
-    """
-    points = columns(vertices)
-
-    def weighted(block: slice) -> np.ndarray:
-        side = side_vectors(points, faces[block])
-        cross = column_cross(side[0], side[1])
-        square = [np.maximum(column_dot(s, s), TINY) for s in side]
-        return np.stack([1.0 / (square[i - 2] * square[i - 1]) * cross for i in range(3)], axis=1)
-
-    normals = _sum_at_corners(faces, len(vertices), 3, weighted).T.copy()
-    length = np.sqrt(row_dot(normals, normals))
-    lost = np.flatnonzero(~(length > 1e-12))
-    if len(lost):  # faces that cancel, folded onto each other: any one of their normals will do
-        face = np.zeros(len(vertices), np.int64)
-        face[faces.ravel()] = np.repeat(np.arange(len(faces)), 3)
-        side = side_vectors(points, faces[face[lost]])
-        normals[lost] = column_cross(side[0], side[1]).T
-    return unit_rows(normals)
-
-
-def _sum_at_corners(
-    faces: np.ndarray,
-    vertices: int,
-    width: int,
-    measure: Callable[[slice], Sequence[np.ndarray] | np.ndarray],
-) -> np.ndarray:
-    """Sum at the vertices what their faces say of their corners: (width, V).
-
-    `measure` says it of a block of faces: `width` times (3, N), at the three corners of each.
-    """
-    total = np.zeros((width, vertices))
-    for start in range(0, len(faces), CHUNK):
-        corner = columns(faces[start : start + CHUNK])
-        parts = np.empty((width, *corner.shape))
-        for block in blocks(corner.shape[1]):
-            found = measure(slice(start + block.start, start + block.stop))
-            for part, one in zip(parts, found, strict=True):
-                part[:, block] = one
-        for one, part in zip(total, parts, strict=True):
-            one += scatter_sum(corner.ravel(), part.ravel(), vertices)
-    return total
-
-
-def _extrapolate_boundary_normals(
-    vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, rim: np.ndarray
-) -> np.ndarray:
-    """Extrapolate the normals on boundaries and creases instead of averaging: all of them (V, 3).
-
-    `rim` (R,) are the vertices on them.
-
-    A vertex with faces on one side only has the normal of a place half an edge away, which spoils
-    the curvature for two rings of vertices. There the face normals of two rings, each true at its
-    centroid, are fitted by a linear field.
-    """
-    if not len(rim):
-        return normals
-    normals, near = normals.copy(), np.zeros(len(vertices), bool)
-    near[rim] = True
-    near[faces[any_corner(faces, near)]] = True
-    faces = faces[any_corner(faces, near)]
-    for some, vertex, face in _two_rings(faces, rim, len(vertices)):
-        fitted = _fitted_normals(vertices, faces[face], vertex, normals[some], vertices[some])
-        good = row_dot(fitted, normals[some]) > np.cos(np.radians(MAX_EXTRAPOLATED))
-        normals[some[good]] = fitted[good]
-    return normals
-
-
-def _fitted_normals(
-    vertices: np.ndarray, corners: np.ndarray, vertex: np.ndarray, axis: np.ndarray, at: np.ndarray
-) -> np.ndarray:
-    """Fit linear fields of normals round places `at` (M, 3): the unit normals there, (M, 3).
-
-    Parameters
-    ----------
-    corners : (P, 3) int, faces
-    vertex : (P,) int, the place that each of them tells of
-    axis : (M, 3) unit normals, across which the fields change
-    """
-    side = side_vectors(columns(vertices), corners)
-    cross = column_cross(side[0], side[1])
-    area = np.sqrt(column_dot(cross, cross))
-    x, y = (columns(tangent) for tangent in _tangent_frame(columns(axis)))
-    away = vertices[corners].mean(axis=1) - at[vertex]
-    along = row_dot(away, x[vertex]), row_dot(away, y[vertex])
-    where = np.stack([np.ones(len(vertex)), *along], axis=1)
-    return _fit_linear(vertex, where, area, (cross / np.maximum(area, TINY)).T, len(at))
-
-
-def _two_rings(
-    faces: np.ndarray, chosen: np.ndarray, vertices: int
-) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Pair `chosen` vertices (M,) with the faces within two rings, some vertices at a time.
-
-    The second ring is not sought beyond a vertex of more than HUB faces, such as the middle of a
-    fan: each of its neighbours would be paired with all of the fan.
-
-    Yields
-    ------
-    the vertices (m,), and pairs of an index into them and a face, (P,) each: about RING_PAIRS
-    """
-    corner_face = np.repeat(np.arange(len(faces)), 3)
-    touches = csr_matrix(
-        (np.ones(faces.size, np.float32), (faces.ravel(), corner_face)),
-        shape=(vertices, len(faces)),
-    )
-    valence = np.diff(touches.indptr)
-    passed = np.where(valence <= HUB, valence, 0)
-    onward = touches.multiply((valence <= HUB)[:, None]).tocsr()
-    pairs = touches[chosen] @ (1 + passed[faces].sum(axis=1))
-    part = np.cumsum(pairs) // RING_PAIRS
-    for some in np.split(chosen, np.flatnonzero(np.diff(part)) + 1):
-        own = touches[some]
-        found = (own @ onward.T @ onward + own).tocoo()
-        yield some, found.row, found.col
-
-
-def _fit_linear(
-    vertex: np.ndarray, at: np.ndarray, area: np.ndarray, unit: np.ndarray, count: int
-) -> np.ndarray:
-    """Fit unit normals by linear fields in the tangent planes of `count` vertices: values there.
-
-    Parameters
-    ----------
-    vertex : (P,) int, the vertex that a pair of it and a face belongs to
-    at : (P, 3) one, and the face's centroid in the vertex's tangent plane
-    area : (P,) weight of the face
-    unit : (P, 3) its normal
-    """
-    left, right = np.empty((count, 3, 3)), np.empty((count, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            left[:, i, j] = scatter_sum(vertex, area * at[:, i] * at[:, j], count)
-            right[:, i, j] = scatter_sum(vertex, area * at[:, i] * unit[:, j], count)
-    # faces in a row tell nothing across it: no slope then
-    spread = 1e-6 * (left[:, 1, 1] + left[:, 2, 2]) + TINY
-    left[:, 1, 1] += spread
-    left[:, 2, 2] += spread
-    return unit_rows(np.linalg.solve(left + np.diag([TINY, 0, 0]), right)[:, 0])
-
-
-def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Measure the Voronoi area of each corner (F, 3): what of the face is nearest to it.
-
-    An obtuse face is cut by the bisectors of its two shorter sides (Rusinkiewicz 2004), so that no
-    share is negative.
-    """
-    points, areas = columns(vertices), np.empty(faces.shape)
-    for block in blocks(len(faces)):
-        areas[block] = np.transpose(_block_areas(side_vectors(points, faces[block])))
-    return areas
-
-
-def _block_areas(side: list[np.ndarray]) -> list[np.ndarray]:
-    """Measure the Voronoi areas of the three corners, (N,) each, of faces of sides (3, N)."""
-    cross = column_cross(side[0], side[1])
-    area = 0.5 * np.sqrt(column_dot(cross, cross))
-    square = [column_dot(s, s) for s in side]
-    # barycentric weights of the circumcentre, which is outside the face where one of them is
-    # negative
-    weight = [square[i] * (square[i - 2] + square[i - 1] - square[i]) for i in range(3)]
-    scale = 0.5 * area / np.maximum(weight[0] + weight[1] + weight[2], TINY)
-    areas = [scale * (weight[i - 2] + weight[i - 1]) for i in range(3)]
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        obtuse = np.flatnonzero(weight[i] <= 0.0)
-        s, a = [part[:, obtuse] for part in side], area[obtuse]
-        at_j = -0.25 * square[k][obtuse] * a / np.minimum(column_dot(s[i], s[k]), -TINY)
-        at_k = -0.25 * square[j][obtuse] * a / np.minimum(column_dot(s[i], s[j]), -TINY)
-        areas[j][obtuse], areas[k][obtuse], areas[i][obtuse] = at_j, at_k, a - at_j - at_k
-    return areas
-
-
-def _tangent_frame(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Make two unit tangents (3, V) with x cross y = normal, after Duff et al. 2017.
-
-    Without square roots or special cases.
-    """
-    nx, ny, nz = normals
-    sign = np.copysign(1.0, nz)
-    a = -1.0 / (sign + nz)
-    b = nx * ny * a
-    return (
-        np.stack([1.0 + sign * nx * nx * a, sign * b, -sign * nx]),
-        np.stack([b, sign + ny * ny * a, -ny]),
-    )
-
-
-def _solve_tridiagonal(diagonal: list, off: list, right: list, rtsc: bool = False) -> list:
-    """Solve many small symmetric positive tridiagonal systems; each entry is a row of all.
-
-    `rtsc` : leave the last pivot of 3 x 3 systems as it is, the slip of trimesh2's solver.
-    """
-    diagonal, right = list(diagonal), list(right)
-    last = diagonal[-1]
-    for i in range(1, len(diagonal)):
-        ratio = off[i - 1] / np.maximum(diagonal[i - 1], TINY)
-        diagonal[i] = diagonal[i] - ratio * off[i - 1]
-        right[i] = right[i] - ratio * right[i - 1]
-    if rtsc and len(diagonal) == 3:
-        diagonal[-1] = last
-    out = [right[-1] / np.maximum(diagonal[-1], TINY)]
-    for i in range(len(diagonal) - 2, -1, -1):
-        out.insert(0, (right[i] - off[i] * out[0]) / np.maximum(diagonal[i], TINY))
-    return out
+Columns = list[np.ndarray]  # x, y, z of vectors: (N,) or (3, N) each, of three corners
 
 
 class Measures(NamedTuple):
@@ -260,17 +44,33 @@ class Measures(NamedTuple):
     feature_size: float
 
 
+class Forms(NamedTuple):
+    """Second fundamental forms at V vertices, each in the vertex's tangent frame.
+
+    Parameters
+    ----------
+    mean : (V,)
+    deviator : (V,) complex
+    area : (V,), over which they were averaged
+    """
+
+    mean: np.ndarray
+    deviator: np.ndarray
+    area: np.ndarray
+
+
 class Curvature:
     """Curvatures at the vertices and their derivative, worked out when they are asked for.
 
-    They are as `differential_geometry` says.
+    They are as `differential_geometry` says. What is asked of some vertices is worked out there
+    alone, to the last digit as for all, and kept; of MOST of them, of all.
 
     Parameters
     ----------
     vertices : (V, 3) float64
     faces : (F, 3) int
     normals : (V, 3) float64, unit
-    blur : smooths the form
+    blur : smooths the form, which is then worked out at all vertices
     rtsc : as `differential_geometry` has it
     """
 
@@ -282,51 +82,55 @@ class Curvature:
         blur: Blur | None = None,
         rtsc: bool = False,
     ) -> None:
-        self.vertices, self.faces, self.normals = vertices, faces, normals
-        self.blur, self.rtsc = blur, rtsc
-        self.faces_in_place = _PlacedFaces(vertices, faces, normals)
+        self.normals, self.blur = normals, blur
+        self._mesh = _PlacedFaces(vertices, faces, normals, rtsc)
+
+    def form_at(self, wanted: np.ndarray) -> Forms:
+        """Work out the form at the vertices `wanted`, (V,) bool, at least."""
+        known, form = self._formed
+        if self.blur is not None:
+            wanted = np.ones_like(known)
+        new = _missing(wanted, known)
+        if new is None:
+            return form
+        known |= new
+        if not known.all():
+            found = _vertex_forms(self._mesh, self._mesh.round(new))
+            for column, part in zip(form, found, strict=True):
+                column[new] = part[new]
+            return form
+        form = _vertex_forms(self._mesh)
+        if self.blur is not None:
+            self._mesh.put_away()  # smoothing takes the most memory, and none of that
+            blur, self.blur = self.blur, None
+            form = _blurred(blur, form, columns(self.normals), self._mesh.precision)
+        self._formed = known, form
+        return form
 
     @cached_property
-    def form(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The second fundamental form: its mean (V,) and deviator (V,) complex; and areas (V,)."""
-        mean, deviator, area = _vertex_forms(self.faces_in_place, self.rtsc)
-        if self.blur is None:
-            return mean, deviator, area
-        self.faces_in_place.put_away()  # smoothing takes the most memory, and none of that
-        x, y = _tangent_frame(columns(self.normals))
-        blur, self.blur = self.blur, None
-        return *_blur_tensor(blur, mean, deviator, x, y), area
+    def _formed(self) -> tuple[np.ndarray, Forms]:
+        """Where the form is known, (V,) bool, and what it is there."""
+        count = len(self.normals)
+        form = Forms(np.zeros(count), np.zeros(count, complex), np.zeros(count))
+        return np.zeros(count, bool), form
 
     @cached_property
     def principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The principal curvatures (V,), and the first's direction (V,) complex."""
-        return _principal_curvatures(*self.form[:2])
+        return _principal_curvatures(*self.form_at(np.ones(len(self.normals), bool))[:2])
 
     @cached_property
     def directions(self) -> tuple[np.ndarray, np.ndarray]:
         """The principal directions, (V, 3) each."""
-        (x, y), axis = _tangent_frame(columns(self.normals)), self.principal[2]
-        one = axis.real * x + axis.imag * y
-        two = axis.real * y - axis.imag * x
-        return np.ascontiguousarray(one.T), np.ascontiguousarray(two.T)
+        return _directions(self.normals, self.principal[2])
 
-    def is_local(self, count: int) -> bool:
-        """Tell whether curvatures at `count` vertices are sooner worked out there than at all."""
-        return self.blur is None and "form" not in vars(self) and count < FEW * len(self.vertices)
-
-    def around(self, vertex: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Work out k1, k2 (n,), pdir1 and pdir2 (n, 3) at some vertices, an index (n,).
-
-        Of the faces round them alone, to the last digit as for all. Only where `is_local`.
-        """
-        chosen = np.zeros(len(self.vertices), bool)
-        chosen[vertex] = True
-        old, corner = np.unique(self.faces[any_corner(self.faces, chosen)], return_inverse=True)
-        some = Curvature(
-            self.vertices[old], corner.reshape(-1, 3), self.normals[old], rtsc=self.rtsc
-        )
-        own = np.searchsorted(old, vertex)
-        return some.k1[own], some.k2[own], some.pdir1[own], some.pdir2[own]
+    def at(self, vertex: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Work out k1, k2 (n,), pdir1 and pdir2 (n, 3) at some vertices, an index (n,)."""
+        wanted = np.zeros(len(self.normals), bool)
+        wanted[vertex] = True
+        form = self.form_at(wanted)
+        k1, k2, axis = _principal_curvatures(form.mean[vertex], form.deviator[vertex])
+        return k1, k2, *_directions(self.normals[vertex], axis)
 
     @property
     def k1(self) -> np.ndarray:
@@ -346,41 +150,46 @@ class Curvature:
 
     @property
     def dcurv(self) -> np.ndarray:
-        self._derive(np.ones(len(self.vertices), bool))
-        return self._derived[1]
+        return self._derivative_at(np.ones(len(self.normals), bool))
 
     def dcurv_at(self, vertex: np.ndarray) -> np.ndarray:
-        """Differentiate the form at some vertices, an index (n,): (n, 4).
-
-        What is not known there yet is worked out, of the faces round it alone; where that makes
-        MOST of the vertices, of all of them.
-        """
-        wanted = np.zeros(len(self.vertices), bool)
+        """Differentiate the form at some vertices, an index (n,): (n, 4)."""
+        wanted = np.zeros(len(self.normals), bool)
         wanted[vertex] = True
-        self._derive(wanted)
-        return self._derived[1][vertex]
+        return self._derivative_at(wanted)[vertex]
 
-    def _derive(self, wanted: np.ndarray) -> None:
-        """Differentiate the form at the vertices `wanted`, (V,) bool, where it is not known yet."""
+    def _derivative_at(self, wanted: np.ndarray) -> np.ndarray:
+        """Differentiate the form at the vertices `wanted`, (V,) bool, at least: (V, 4)."""
         known, found = self._derived
-        if known[wanted].all():
-            return
-        if np.count_nonzero(wanted | known) > MOST * len(known):
-            wanted = np.ones(len(known), bool)
-        new = np.flatnonzero(wanted & ~known)
-        parts = _vertex_derivatives(self.faces_in_place, self.form, new)
-        found[new], known[new] = _along(self.principal[2][new], parts), True
-        if known.all():
-            self.faces_in_place.frames.clear()
+        new = _missing(wanted, known)
+        if new is None:
+            return found
+        some = self._mesh.round(new)
+        near = np.zeros_like(known)
+        near[self._mesh.faces[some]] = True
+        form, vertex = self.form_at(near), np.flatnonzero(new)
+        axis = _principal_curvatures(form.mean[vertex], form.deviator[vertex])[2]
+        found[vertex] = _along(axis, _vertex_derivatives(self._mesh, form, some, vertex))
+        known |= new
+        return found
 
     @cached_property
     def _derived(self) -> tuple[np.ndarray, np.ndarray]:
         """Where the derivative is known, (V,) bool, and what it is there, (V, 4)."""
-        return np.zeros(len(self.vertices), bool), np.zeros((len(self.vertices), 4))
+        return np.zeros(len(self.normals), bool), np.zeros((len(self.normals), 4))
 
     @cached_property
     def feature_size(self) -> float:
-        return feature_size(self.vertices, self.k1, self.k2, self.rtsc)
+        return feature_size(self._mesh.vertices, self.k1, self.k2, self._mesh.rtsc)
+
+
+def _missing(wanted: np.ndarray, known: np.ndarray) -> np.ndarray | None:
+    """Tell of which vertices (V,) bool something is yet to be worked out; None of none."""
+    new = wanted & ~known
+    count = np.count_nonzero(new)
+    if not count:
+        return None
+    return new if count + np.count_nonzero(known) <= MOST * len(known) else ~known
 
 
 def differential_geometry(
@@ -418,17 +227,6 @@ def differential_geometry(
     return Measures(found.normals, *(getattr(found, name) for name in Measures._fields[1:]))
 
 
-def surface_normals(
-    vertices: np.ndarray, faces: np.ndarray, rim: np.ndarray, rtsc: bool = False
-) -> np.ndarray:
-    """Measure the normals at the vertices, unit (V, 3), as `differential_geometry` has them.
-
-    `rim` (R,) are the vertices on boundaries and creases.
-    """
-    normals = vertex_normals(vertices, faces)
-    return normals if rtsc else _extrapolate_boundary_normals(vertices, faces, normals, rim)
-
-
 def curvature_of(
     vertices: np.ndarray,
     faces: np.ndarray,
@@ -441,7 +239,7 @@ def curvature_of(
 
     `ends` : (E, 2) int, of the edges, sorted
     """
-    blur = _blur(ends, len(vertices), smooth)
+    blur = smoothing(ends, len(vertices), smooth)
     if blur is not None:
         normals = unit_rows(blur(normals))
     return Curvature(vertices, faces, normals, blur, rtsc)
@@ -450,15 +248,22 @@ def curvature_of(
 class _PlacedFaces:
     """The faces of a mesh, from which forms and their derivatives are read block by block.
 
+    From MANY faces on in single precision, in half of the time: what is measured of a face is told
+    in lengths of its own, and differences of places and normals are taken before they are rounded.
+    rtsc's numbers always take double.
+
     Parameters
     ----------
     vertices, normals : (V, 3)
     faces : (F, 3) int
+    rtsc : as `differential_geometry` has it
     """
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> None:
-        self.vertices, self.faces, self.normals = vertices, faces, normals
-        self.frames: dict[int, _FaceFrames] = {}  # by the first face, where there is room for all
+    def __init__(
+        self, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, rtsc: bool
+    ) -> None:
+        self.vertices, self.faces, self.normals, self.rtsc = vertices, faces, normals, rtsc
+        self.precision = np.dtype(np.float32 if len(faces) >= MANY and not rtsc else np.float64)
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -475,39 +280,224 @@ class _PlacedFaces:
         for name in ("points", "axes"):
             vars(self).pop(name, None)
 
-    def basis(self, faces: np.ndarray) -> tuple[_FaceBasis, list[np.ndarray], _FaceFrames]:
-        """Set up bases of faces (3, N), the normals (3, N) at their corners, and their frames."""
-        side = side_vectors(self.points, faces.T)
-        corner = [self.axes.take(one, axis=1) for one in faces]
-        basis = _FaceBasis.of(side)
-        return basis, corner, _face_frames(basis, corner, np.stack(_block_areas(side)))
+    def round(self, vertices: np.ndarray) -> np.ndarray:
+        """Find the faces round vertices of a mask (V,): indices."""
+        return np.flatnonzero(any_corner(self.faces, vertices))
 
-    def frame(self, block: slice, some: np.ndarray, faces: np.ndarray) -> _FaceFrames:
-        """Set up the frames of faces (3, N), rows `some` of a block, or take those kept of it."""
-        kept = self.frames.get(block.start)
-        if kept is None:
-            return self.basis(faces)[2]
-        if len(some) == kept.u.shape[1]:
-            return kept
-        return _FaceFrames(*(column.take(some, axis=1) for column in kept))
+    def placed(self, corner: np.ndarray) -> tuple[_FlatFaces, Columns]:
+        """Lay faces (3, N) flat; also the normals at their corners, (3, N) by axis."""
+        flat = _FlatFaces.of([axis.take(corner) for axis in self.points], self.precision)
+        return flat, [axis.take(corner) for axis in self.axes]
 
 
-def _vertex_forms(mesh: _PlacedFaces, rtsc: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Average the second fundamental forms of the faces: mean (V,) and deviator (V,) complex.
+class _FlatFaces(NamedTuple):
+    """N faces in their own planes, in lengths of about their longest side.
 
-    Also returns the area (V,) nearest to each vertex, over which they are averaged.
+    Side i is opposite corner i. Side 0 is (along, 0), side 1 (u, v), side 2 what closes the face.
+
+    Parameters
+    ----------
+    along, u, v : (N,)
+    per_length : (N,), one over the length that they are told in
+    axes : t, b and n, an orthonormal frame of each, with t along side 0, by axis (N,)
     """
 
-    def measure(block: slice) -> list[np.ndarray]:
-        basis, corner, frame = mesh.basis(columns(mesh.faces[block]))
-        if len(mesh.faces) <= MAX_KEPT:
-            mesh.frames[block.start] = frame
-        mean, deviator = _forms(basis, frame, corner, rtsc)
-        return [mean, deviator.real, deviator.imag, frame.area]
+    along: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    per_length: np.ndarray
+    axes: tuple[Columns, Columns, Columns]
 
-    found = _sum_at_corners(mesh.faces, len(mesh.vertices), 4, measure)
+    @classmethod
+    def of(cls, place: Columns, precision: np.dtype) -> _FlatFaces:
+        """Lay faces flat whose corners lie at `place`, (3, N) by axis, float64."""
+        first, second = [p[2] - p[1] for p in place], [p[0] - p[2] for p in place]
+        square = column_dot(first, first)
+        per_length = 1.0 / np.maximum(np.sqrt(square + column_dot(second, second)), TINY)
+        along = np.sqrt(square)
+        t = _rounded(first, 1.0 / np.maximum(along, TINY), precision)
+        second = _rounded(second, per_length, precision)
+        cross = _cross(t, second)
+        v = np.sqrt(column_dot(cross, cross))
+        over = 1.0 / np.maximum(v, TINY)
+        n = [axis * over for axis in cross]
+        along, per_length = (x.astype(precision) for x in (along * per_length, per_length))
+        return cls(along, column_dot(t, second), v, per_length, (t, _cross(n, t), n))
+
+    def sums(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sum values, given at the first two sides, times the sides along t, and along b, (N,).
+
+        Of differences along the sides: those of the third close the sum of all.
+        """
+        last = first + second
+        along = self.along * first + self.u * second + (self.along + self.u) * last
+        return along, self.v * (second + last)
+
+    @property
+    def squares(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Sums over the sides of their squares along t, of the products, and of those along b."""
+        last = self.along + self.u
+        square = self.along * self.along + self.u * self.u + last * last
+        return square, self.v * (self.u + last), 2.0 * self.v * self.v
+
+    def areas(self) -> np.ndarray:
+        """Measure the Voronoi areas of the corners, (3, N), in squares of the faces' lengths."""
+        last = self.along + self.u
+        one = self.u * self.u + self.v * self.v
+        square = self.along * self.along, one, last * last + self.v * self.v
+        dots = -(one + self.along * self.u), -self.along * last, self.along * self.u  # of others
+        # barycentric weights of the circumcentre, which is outside the face where one of them is
+        # negative
+        weight = [square[i] * (square[i - 2] + square[i - 1] - square[i]) for i in range(3)]
+        area = 0.5 * self.along * self.v
+        scale = 0.5 * area / np.maximum(weight[0] + weight[1] + weight[2], TINY)
+        areas = np.stack([scale * (weight[i - 2] + weight[i - 1]) for i in range(3)])
+        quarter = 0.25 * area
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            obtuse = weight[i] <= 0.0
+            if not obtuse.any():
+                continue
+            at_j = quarter * square[k] / np.maximum(-dots[j], TINY)
+            at_k = quarter * square[j] / np.maximum(-dots[k], TINY)
+            areas[j] = np.where(obtuse, at_j, areas[j])
+            areas[k] = np.where(obtuse, at_k, areas[k])
+            areas[i] = np.where(obtuse, area - at_j - at_k, areas[i])
+        return areas
+
+
+def corner_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Measure the Voronoi area of each corner (F, 3): what of the face is nearest to it.
+
+    An obtuse face is cut by the bisectors of its two shorter sides (Rusinkiewicz 2004), so that no
+    share is negative.
+    """
+    points, areas = columns(vertices), np.empty(faces.shape)
+    for block in blocks(len(faces)):
+        corner = columns(faces[block])
+        flat = _FlatFaces.of([axis.take(corner) for axis in points], np.dtype(np.float64))
+        areas[block] = (flat.areas() / flat.per_length**2).T
+    return areas
+
+
+def _rounded(vectors: Columns, by: np.ndarray, precision: np.dtype) -> Columns:
+    """Multiply vectors by numbers (N,), and round what comes out."""
+    out = [np.empty(axis.shape, precision) for axis in vectors]
+    for axis, one in zip(vectors, out, strict=True):
+        np.multiply(axis, by, out=one, casting="same_kind")
+    return out
+
+
+def _difference(a: np.ndarray, b: np.ndarray, precision: np.dtype) -> np.ndarray:
+    """Take the difference of arrays, and round it."""
+    return np.subtract(a, b, out=np.empty(a.shape, precision), casting="same_kind")
+
+
+def _cross(a: Columns, b: Columns) -> Columns:
+    return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
+
+
+def _turns(axes: tuple[Columns, Columns, Columns], normal: Columns) -> np.ndarray:
+    """Turn the axes of faces into the frames of their corners: (3, N) complex, e^(i phi).
+
+    That is t, seen in the tangent frame of a corner's `normal` after the shortest rotation of n
+    onto it.
+    """
+    t, _, n = axes
+    tilt = column_dot(t, normal) / np.maximum(1.0 + column_dot(n, normal), 1e-6)
+    # less a part along the normal, which no tangent sees
+    x, y, z = (one - tilt * other for one, other in zip(t, n, strict=True))
+    nx, ny, nz = normal
+    sign = np.copysign(1.0, nz).astype(nz.dtype, copy=False)
+    both = (x * nx + y * ny) / -(sign + nz) - z  # of `tangent_frame`
+    x, y = x + sign * nx * both, sign * y + ny * both
+    size = np.sqrt(x * x + y * y)
+    known, size = size > 1e-9, 1.0 / np.maximum(size, 1e-9)
+    turn = np.empty(x.shape, np.result_type(x, np.complex64))
+    turn.real, turn.imag = np.where(known, x * size, 1.0), np.where(known, y * size, 0.0)
+    return turn
+
+
+class _Frames(NamedTuple):
+    """What turns tensors of N faces into the frames of their corners, and what they count there.
+
+    Parameters
+    ----------
+    turn : (3, N) complex, as `_turns` has it
+    area : (3, N), what of the face is nearest to each corner
+    weight : (3, N), the same, by which the face counts there: 0 for slivers
+    """
+
+    turn: np.ndarray
+    area: np.ndarray
+    weight: np.ndarray
+
+    @classmethod
+    def of(cls, flat: _FlatFaces, normal: Columns) -> _Frames:
+        """Set up those of flat faces with a `normal` at their corners, (3, N) by axis."""
+        area = flat.areas() / (flat.per_length * flat.per_length)
+        uu, _, vv = flat.squares
+        # a sliver says nothing across its length: give it no vote
+        least = max(SLIVER, ROUNDINGS * float(np.finfo(uu.dtype).eps)) ** 2
+        weight = area * (vv * uu > least * (uu + vv) ** 2)
+        return cls(_turns(flat.axes, [axis.astype(uu.dtype) for axis in normal]), area, weight)
+
+
+def _vertex_forms(mesh: _PlacedFaces, some: np.ndarray | None = None) -> Forms:
+    """Average the second fundamental forms of the faces.
+
+    `some` : those faces alone, an index; by default all
+    """
+
+    def measure(corner: np.ndarray) -> list[np.ndarray]:
+        flat, normal = mesh.placed(corner)
+        frame = _Frames.of(flat, normal)
+        mean, deviator = _forms(flat, normal, mesh.rtsc)
+        turned = deviator * (frame.turn * frame.turn * frame.weight)
+        return [mean * frame.weight, turned.real, turned.imag, frame.area]
+
+    found = sum_at_corners(mesh.faces, len(mesh.vertices), 4, measure, some)
     area = np.maximum(found[3], TINY)
-    return found[0] / area, (found[1] + 1j * found[2]) / area, area
+    return Forms(found[0] / area, (found[1] + 1j * found[2]) / area, area)
+
+
+def _forms(flat: _FlatFaces, normal: Columns, rtsc: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Fit the second fundamental form of each face: II . side = dn, the difference of normals.
+
+    Returns its mean and deviator, (N,). `normal` : (3, N) by axis, at the corners
+    """
+    precision, (t, b, _) = flat.u.dtype, flat.axes
+    first = [_difference(axis[2], axis[1], precision) for axis in normal]
+    second = [_difference(axis[0], axis[2], precision) for axis in normal]
+    right, more = flat.sums(column_dot(first, t), column_dot(second, t))
+    other, last = flat.sums(column_dot(first, b), column_dot(second, b))
+    uu, uv, vv = flat.squares
+    e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], [right, more + other, last], rtsc)
+    return 0.5 * (e + g) * flat.per_length, (0.5 * (e - g) + 1j * f) * flat.per_length
+
+
+def _blurred(blur: Blur, form: Forms, normals: np.ndarray, precision: np.dtype) -> Forms:
+    """Smooth forms in world coordinates, in which the frames of neighbours agree.
+
+    `normals` : (3, V), of the frames; `precision` : of what is smoothed
+    """
+    entries = [(i, j) for i in range(3) for j in range(i, 3)]
+    tensor = np.empty((len(form.mean), len(entries)), precision)
+    for block in blocks(len(tensor)):
+        x, y = tangent_frame(normals[:, block])
+        mean, deviator = form.mean[block], form.deviator[block]
+        a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real
+        for column, (i, j) in zip(tensor[block].T, entries, strict=True):
+            column[:] = a * x[i] * x[j] + b * (x[i] * y[j] + y[i] * x[j]) + c * y[i] * y[j]
+    tensor = blur(tensor)
+    for block in blocks(len(tensor)):
+        x, y = tangent_frame(normals[:, block])
+        xx, xy, xz, yy, yz, zz = columns(tensor[block]).astype(np.float64)
+        rows = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+        of_x, of_y = ([column_dot(row, axis) for row in rows] for axis in (x, y))
+        a, b, c = column_dot(x, of_x), column_dot(x, of_y), column_dot(y, of_y)
+        form.mean[block], form.deviator[block] = 0.5 * (a + c), 0.5 * (a - c) + 1j * b
+    return form
 
 
 def _principal_curvatures(
@@ -518,40 +508,47 @@ def _principal_curvatures(
     Returns k1 and k2 (V,), and the first's direction (V,) complex, along half the deviator's angle.
     """
     spread = np.abs(deviator)
-    angle = 0.5 * np.angle(deviator)
     convex = mean >= 0.0
-    k1 = np.where(convex, mean + spread, mean - spread)
-    k2 = np.where(convex, mean - spread, mean + spread)
-    angle = np.where(convex, angle, angle + 0.5 * np.pi)
-    return k1, k2, np.exp(1j * angle)
+    signed = np.where(convex, spread, -spread)
+    return mean + signed, mean - signed, _half_angle(np.where(convex, deviator, -deviator))
+
+
+def _half_angle(number: np.ndarray) -> np.ndarray:
+    """Halve the angles of complex numbers (V,): unit ones, with real parts of 0 at least."""
+    x, y = number.real, number.imag
+    longer = np.abs(number) + np.abs(x)
+    half = np.empty(number.shape, complex)
+    # the number, made as much longer, lies half way between; mirrored where that would cancel
+    half.real = np.where(x >= 0.0, longer, np.abs(y))
+    half.imag = np.where(x >= 0.0, y, np.copysign(longer, y))
+    half[longer == 0.0] = 1.0
+    return half / np.abs(half)
+
+
+def _directions(normals: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Place directions (n,) complex in the tangent frames of normals (n, 3), and those across."""
+    x, y = tangent_frame(columns(normals))
+    one, two = axis.real * x + axis.imag * y, axis.real * y - axis.imag * x
+    return np.ascontiguousarray(one.T), np.ascontiguousarray(two.T)
 
 
 def _vertex_derivatives(
-    mesh: _PlacedFaces, form: tuple[np.ndarray, np.ndarray, np.ndarray], vertex: np.ndarray
+    mesh: _PlacedFaces, form: Forms, some: np.ndarray, vertex: np.ndarray
 ) -> np.ndarray:
     """Average the derivatives of the form at some vertices, an index (n,), by their areas: (n, 4).
 
-    Of the faces round them alone. They are seen in the vertices' own frames: `_along` turns them.
-    `form` : mean (V,), deviator (V,) and area (V,)
+    Of the faces round them, an index `some`. They are seen in the vertices' own frames: `_along`
+    turns them.
     """
-    mean, deviator, area = form
-    chosen = np.zeros(len(mean), bool)
-    chosen[vertex] = True
-    total = np.zeros((4, len(mean)))
-    for start in range(0, len(mesh.faces), CHUNK):
-        corners, parts = [], []
-        for block in blocks(min(CHUNK, len(mesh.faces) - start)):
-            block = slice(start + block.start, start + block.stop)
-            some = np.flatnonzero(any_corner(mesh.faces[block], chosen))
-            corner = columns(mesh.faces[block][some])
-            frame = mesh.frame(block, some, corner)
-            one, three = _derivatives(frame, mean.take(corner), deviator.take(corner))
-            corners.append(corner)
-            parts.append([one.real, one.imag, three.real, three.imag])
-        at = np.concatenate(corners, axis=1).ravel()
-        for all_, part in zip(total, zip(*parts, strict=True), strict=True):
-            all_ += scatter_sum(at, np.concatenate(part, axis=1).ravel(), len(mean))
-    return (total[:, vertex] / area[vertex]).T
+
+    def measure(corner: np.ndarray) -> list[np.ndarray]:
+        flat, normal = mesh.placed(corner)
+        frame = _Frames.of(flat, normal)
+        one, three = _derivatives(flat, frame, form.mean.take(corner), form.deviator.take(corner))
+        return [one.real, one.imag, three.real, three.imag]
+
+    total = sum_at_corners(mesh.faces, len(mesh.vertices), 4, measure, some)
+    return (total[:, vertex] / form.area[vertex]).T
 
 
 def _along(axis: np.ndarray, parts: np.ndarray) -> np.ndarray:
@@ -569,120 +566,50 @@ def _along(axis: np.ndarray, parts: np.ndarray) -> np.ndarray:
     )
 
 
-class _FaceBasis(NamedTuple):
-    """Orthonormal bases (t, b, n) of some faces, (3, N) each, and their sides in them.
-
-    Parameters
-    ----------
-    u, v : (3, N), the sides along t and b, side i opposite corner i
-    """
-
-    t: np.ndarray
-    b: np.ndarray
-    n: np.ndarray
-    u: np.ndarray
-    v: np.ndarray
-
-    @classmethod
-    def of(cls, side: list[np.ndarray]) -> _FaceBasis:
-        """Set up the bases of faces of sides (3, N)."""
-        t, n = _unit(side[0]), _unit(column_cross(side[0], side[1]))
-        b = column_cross(n, t)
-        u, v = (np.stack([column_dot(s, axis) for s in side]) for axis in (t, b))
-        return cls(t, b, n, u, v)
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Scale vectors (3, N) to length 1; those of no length stay."""
-    return vectors / np.maximum(np.sqrt(column_dot(vectors, vectors)), TINY)
-
-
-class _FaceFrames(NamedTuple):
-    """Some faces in their own planes, and what turns tensors there into those of their corners.
-
-    Parameters
-    ----------
-    u, v : (3, N), the sides, as in `_FaceBasis`
-    turn : (3, N) complex, e^(i phi): t, seen in each corner's frame after the shortest rotation of
-        n onto its normal
-    area : (3, N), what of the face is nearest to each corner
-    weight : (3, N), the same, by which the face counts there: 0 for slivers
-    """
-
-    u: np.ndarray
-    v: np.ndarray
-    turn: np.ndarray
-    area: np.ndarray
-    weight: np.ndarray
-
-
-def _face_frames(basis: _FaceBasis, corner: list[np.ndarray], area: np.ndarray) -> _FaceFrames:
-    """Turn the bases of faces into the frames of their corners.
-
-    `corner` : the normals (3, N) there; `area` : (3, N), what is nearest to each corner
-    """
-    t, n, u, v = basis.t, basis.n, basis.u, basis.v
-    uu, vv = (u * u).sum(axis=0), (v * v).sum(axis=0)
-    # a sliver says nothing across its length: give it no vote
-    weight = area * (vv * uu > 1e-16 * (uu + vv) ** 2)
-    turn = np.empty(u.shape, complex)
-    for i, normal in enumerate(corner):
-        tilt = column_dot(t, normal) / np.maximum(1.0 + column_dot(n, normal), 1e-6)
-        rotated = t - tilt * n  # less a part along the vertex normal, which x and y do not see
-        x, y = _tangent_frame(normal)  # sooner made than fetched
-        turn[i].real, turn[i].imag = column_dot(rotated, x), column_dot(rotated, y)
-    size = np.abs(turn)
-    turn = np.where(size > 1e-9, turn / np.maximum(size, 1e-9), 1.0)
-    return _FaceFrames(u, v, turn, area, weight)
-
-
-def _forms(
-    basis: _FaceBasis, frame: _FaceFrames, corner: list[np.ndarray], rtsc: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Fit the second fundamental form of each face: II . side = dn.
-
-    Returns what each corner (3, N) adds to its vertex's form: mean and deviator. `corner` are the
-    normals (3, N) there.
-    """
-    u, v = basis.u, basis.v
-    uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
-    dn = [corner[i - 1] - corner[i - 2] for i in range(3)]
-    du = np.stack([column_dot(d, basis.t) for d in dn])
-    dv = np.stack([column_dot(d, basis.b) for d in dn])
-    right = [(du * u).sum(axis=0), (du * v + dv * u).sum(axis=0), (dv * v).sum(axis=0)]
-    e, f, g = _solve_tridiagonal([uu, uu + vv, vv], [uv, uv], right, rtsc)
-    mean = 0.5 * (e + g) * frame.weight
-    deviator = (0.5 * (e - g) + 1j * f) * (frame.turn * frame.turn) * frame.weight
-    return mean, deviator
-
-
 def _derivatives(
-    frame: _FaceFrames, mean: np.ndarray, deviator: np.ndarray
+    flat: _FlatFaces, frame: _Frames, mean: np.ndarray, deviator: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fit the derivative of the form on each face, given the form at the corners (3, N).
 
     Returns what each corner (3, N) adds to its vertex's tensor: its two parts.
     """
-    u, v = frame.u, frame.v
-    uu, uv, vv = (u * u).sum(axis=0), (u * v).sum(axis=0), (v * v).sum(axis=0)
-    turn_twice = frame.turn * frame.turn
-    # differences of the form, seen in the face's frame, along the sides
-    seen = deviator * np.conj(turn_twice)
-    d_mean = np.stack([mean[i - 1] - mean[i - 2] for i in range(3)])
-    d_dev = np.stack([seen[i - 1] - seen[i - 2] for i in range(3)])
-    d_uu, d_uv, d_vv = d_mean + d_dev.real, d_dev.imag, d_mean - d_dev.real
-    right = [
-        (u * d_uu).sum(axis=0),
-        (v * d_uu + 2.0 * u * d_uv).sum(axis=0),
-        (2.0 * v * d_uv + u * d_vv).sum(axis=0),
-        (v * d_vv).sum(axis=0),
-    ]
+    precision, turn_twice = flat.u.dtype, frame.turn * frame.turn
+    # seen in the face's frame
+    seen = deviator.astype(turn_twice.dtype) * np.conj(turn_twice)
+    d_mean = [_difference(mean[i - 1], mean[i - 2], precision) for i in (0, 1)]
+    d_dev = [seen[i - 1] - seen[i - 2] for i in (0, 1)]
+    of_uu = flat.sums(*(m + d.real for m, d in zip(d_mean, d_dev, strict=True)))
+    of_uv = flat.sums(*(2.0 * d.imag for d in d_dev))
+    of_vv = flat.sums(*(m - d.real for m, d in zip(d_mean, d_dev, strict=True)))
+    right = [of_uu[0], of_uu[1] + of_uv[0], of_uv[1] + of_vv[0], of_vv[1]]
+    uu, uv, vv = flat.squares
     p, q, r, s = _solve_tridiagonal(
         [uu, 2.0 * uu + vv, uu + 2.0 * vv, vv], [uv, 2.0 * uv, uv], right
     )
-    one = (0.75 * ((p + r) + 1j * (q + s))) * frame.turn * frame.weight
-    three = (0.25 * ((p - 3.0 * r) + 1j * (3.0 * q - s))) * (turn_twice * frame.turn) * frame.weight
+    weight = frame.turn * (frame.weight * flat.per_length)
+    one = (0.75 * (p + r) + 0.75j * (q + s)) * weight
+    three = (0.25 * (p - 3.0 * r) + 0.25j * (3.0 * q - s)) * (turn_twice * weight)
     return one, three
+
+
+def _solve_tridiagonal(diagonal: list, off: list, right: list, rtsc: bool = False) -> list:
+    """Solve many small symmetric positive tridiagonal systems; each entry is a row of all.
+
+    `rtsc` : leave the last pivot of 3 x 3 systems as it is, the slip of trimesh2's solver.
+    """
+    diagonal, right = list(diagonal), list(right)
+    least = TINY if right[0].dtype == np.float64 else LEAST_PIVOT
+    last = diagonal[-1]
+    for i in range(1, len(diagonal)):
+        ratio = off[i - 1] / np.maximum(diagonal[i - 1], least)
+        diagonal[i] = diagonal[i] - ratio * off[i - 1]
+        right[i] = right[i] - ratio * right[i - 1]
+    if rtsc and len(diagonal) == 3:
+        diagonal[-1] = last
+    out = [right[-1] / np.maximum(diagonal[-1], least)]
+    for i in range(len(diagonal) - 2, -1, -1):
+        out.insert(0, (right[i] - off[i] * out[0]) / np.maximum(diagonal[i], least))
+    return out
 
 
 def feature_size(vertices: np.ndarray, k1: np.ndarray, k2: np.ndarray, rtsc: bool = False) -> float:
@@ -740,76 +667,3 @@ def _smallest_sphere(points: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]
             if radius < best[1] * (1.0 - 1e-9):
                 best = centre, radius, carrier
     return best
-
-
-def _blur(ends: np.ndarray, count: int, smooth: float) -> Blur | None:
-    """Make the function that smooths values (V, k) by `smooth` mean edges; None for nothing to do.
-
-    Repeated half-way averaging with the edge neighbours: each step adds a quarter of a squared edge
-    of variance.
-    """
-    if smooth <= 0.0:
-        return None
-    steps = int(np.ceil(4.0 * smooth**2))
-    part = 0.5 * (
-        4.0 * smooth**2 / steps
-    )  # a little less than half, so that whole steps end where they should
-    one = csr_matrix(
-        (np.ones(len(ends)), ends[:, 1], np.searchsorted(ends[:, 0], np.arange(count + 1))),
-        shape=(count, count),
-    )
-    step = one + one.T.tocsr()
-    degree = np.diff(step.indptr)
-    step.data = np.repeat(part / np.maximum(degree, 1), degree)
-    step = step + identity(count, format="csr") * (1.0 - part)
-    everyone = np.arange(count)
-    if steps < MIN_SORTED:
-        order = everyone
-    else:  # neighbours near each other in memory: twice as fast where the file strews them
-        order = reverse_cuthill_mckee(step, symmetric_mode=True)
-        step = step[order][:, order]
-
-    def blur(values: np.ndarray) -> np.ndarray:
-        values = values[order]
-        for _ in range(steps):
-            values = step @ values
-        out = np.empty_like(values)
-        out[order] = values
-        return out
-
-    return blur
-
-
-def _blur_tensor(
-    blur: Blur, mean: np.ndarray, deviator: np.ndarray, x: np.ndarray, y: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Smooth the curvature tensor in world coordinates, and read it back in (x, y), (3, V) each.
-
-    There neighbours' frames agree.
-    """
-    xx, xy, xz = _blur_entries(blur, mean, deviator, x, y, ((0, 0), (0, 1), (0, 2)))
-    yy, yz, zz = _blur_entries(blur, mean, deviator, x, y, ((1, 1), (1, 2), (2, 2)))
-    rows = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
-    of_x, of_y = (np.stack([column_dot(row, axis) for row in rows]) for axis in (x, y))
-    a, b, c = column_dot(x, of_x), column_dot(x, of_y), column_dot(y, of_y)
-    return 0.5 * (a + c), 0.5 * (a - c) + 1j * b
-
-
-def _blur_entries(
-    blur: Blur,
-    mean: np.ndarray,
-    deviator: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    entries: tuple[tuple[int, int], ...],
-) -> np.ndarray:
-    """Smooth some entries (i, j) of the tensor in world coordinates, (k, V).
-
-    All six in one go would be the most memory that a large mesh takes.
-    """
-    a, b, c = mean + deviator.real, deviator.imag, mean - deviator.real
-    tensor = np.empty((len(mean), len(entries)))
-    for column, (i, j) in zip(tensor.T, entries, strict=True):
-        column[:] = a * x[i] * x[j] + b * (x[i] * y[j] + y[i] * x[j]) + c * y[i] * y[j]
-    del a, b, c
-    return blur(tensor).T

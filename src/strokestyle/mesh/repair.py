@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import runs
 from .connectivity import Connectivity
-from .curvature import vertex_normals
 from .messages import warn
+from .normals import vertex_normals
 from .sheets import part_sheets, tangled_vertices
 from .soup import Soup
 from .stitch import stitch

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .connectivity import Connectivity
-from .curvature import Curvature, curvature_of, vertex_normals
+from .curvature import Curvature, curvature_of
 from .messages import naming
+from .normals import vertex_normals
 from .planes import Plane
 from .read import read_mesh
 from .repair import (
@@ -150,10 +151,10 @@ class Surface:
 
         They are worked out there alone, where nothing asked for all of them yet.
         """
-        pending = self.__dict__.get("_curvature")
-        if pending is not None and pending.is_local(len(vertex)):
-            return pending.around(vertex)
-        return tuple(getattr(self, name)[vertex] for name in ("k1", "k2", "pdir1", "pdir2"))
+        pending, names = self.__dict__.get("_curvature"), ("k1", "k2", "pdir1", "pdir2")
+        if pending is None or all(name in self.__dict__ for name in names):
+            return tuple(getattr(self, name)[vertex] for name in names)
+        return pending.at(vertex)
 
     def dcurv_at(self, vertex: np.ndarray) -> np.ndarray:
         """Take dcurv (n, 4) at some vertices, an index (n,): worked out there alone, as above."""

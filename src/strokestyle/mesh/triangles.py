@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -55,9 +55,11 @@ def bends(
     return bend
 
 
+Columns = np.ndarray | Sequence[np.ndarray]  # vectors (3, N)
 THIN = 1e-4  # of the longest side: the normal of a lower face is mostly the rounding of its corners
 TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a mesh of size 1
 BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
+CHUNK = 32 * BLOCK  # faces whose corners are summed up in one go: bounds memory
 
 
 def face_normals(shape: FaceShapes, edges: Edges) -> np.ndarray:
@@ -126,13 +128,52 @@ def scatter_sum(index: np.ndarray, values: np.ndarray, count: int) -> np.ndarray
     return np.bincount(index, weights=values, minlength=count)
 
 
+def sum_at_corners(
+    faces: np.ndarray,
+    vertices: int,
+    width: int,
+    measure: Callable[[np.ndarray], Sequence[np.ndarray]],
+    some: np.ndarray | None = None,
+) -> np.ndarray:
+    """Sum at the vertices what their faces (F, 3) say of their corners: (width, V).
+
+    Parameters
+    ----------
+    measure : says it of faces (3, N) by corner: `width` times (3, N), at the three corners of each
+    some : the faces that are asked, an index; by default all
+    """
+    total = np.zeros((width, vertices))
+    for start in range(0, len(faces if some is None else some), CHUNK):
+        chunk = slice(start, start + CHUNK)
+        corner = columns(faces[chunk] if some is None else faces[some[chunk]])
+        parts = np.empty((width, *corner.shape))
+        for block in blocks(corner.shape[1]):
+            for part, one in zip(parts, measure(corner[:, block]), strict=True):
+                part[:, block] = one
+        for one, part in zip(total, parts, strict=True):
+            one += scatter_sum(corner.ravel(), part.ravel(), vertices)
+    return total
+
+
+def tangent_frame(normals: Columns) -> tuple[np.ndarray, np.ndarray]:
+    """Make two unit tangents (3, V) with x cross y = normal (3, V), after Duff et al. 2017.
+
+    Without square roots or special cases.
+    """
+    nx, ny, nz = normals
+    sign = np.copysign(1.0, nz)
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    return (
+        np.stack([1.0 + sign * nx * nx * a, sign * b, -sign * nx]),
+        np.stack([b, sign + ny * ny * a, -ny]),
+    )
+
+
 def side_vectors(points: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
     """Take the three sides (3, F) of faces (F, 3) over points (3, V), side i opposite corner i."""
     p0, p1, p2 = (points.take(faces[:, i], axis=1) for i in range(3))
     return [p2 - p1, p0 - p2, p1 - p0]
-
-
-Columns = np.ndarray | Sequence[np.ndarray]  # vectors (3, N)
 
 
 def columns(rows: np.ndarray) -> np.ndarray:
