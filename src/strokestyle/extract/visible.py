@@ -218,13 +218,11 @@ def _sides(
     corner, weight = surface.faces[lines.face[open_]], lines.bary[open_]
     view = towards(camera.viewpoint, points[open_])
 
-    def along(axis: np.ndarray) -> np.ndarray:
-        return np.einsum("nik,nk->ni", axis[corner], view)
-
-    radial = surface.k1[corner] * along(surface.pdir1) ** 2
-    radial += surface.k2[corner] * along(surface.pdir2) ** 2
+    bulge = np.einsum("nik,nk->ni", surface.normals[corner], view)
     contour = is_kind(lines.kind, ("contour",))[owner(lines.offsets)[open_]]
-    bulge = np.where(contour[:, None], radial, along(surface.normals))
+    k1, k2, *axes = surface.curvature_at(corner[contour].ravel())
+    along = [np.einsum("nik,nk->ni", axis.reshape(-1, 3, 3), view[contour]) ** 2 for axis in axes]
+    bulge[contour] = k1.reshape(-1, 3) * along[0] + k2.reshape(-1, 3) * along[1]
     side[open_[row_dot(bulge, weight) < 0.0]] = -1.0
     return side
 
