@@ -123,6 +123,7 @@ def fit(
         say(f"{drawing}: {note}")
     from ..fit.checkpoint import Checkpoint
     from ..fit.report import account, fit_report
+    from ..fit.threads import at_once
     from ..fit.train import PRESETS, fit_drawing
     from ..render.style_file import save_style
 
@@ -146,14 +147,18 @@ def fit(
     except KeyboardInterrupt:
         text = "go on with --resume" if kept.exists() else "there was nothing to keep yet"
         raise KeyboardInterrupt(f"interrupted; {text}") from None
-    save_style(output, fitted.style)
-    checkpoint.remove()
-    write_picture(picture, fit_report(view, exemplar, fitted))
+
+    def keep() -> list[str]:
+        save_style(output, fitted.style)
+        checkpoint.remove()
+        learned = fitted.learned
+        return [] if learned is None else account(exemplar, learned).words(max(size))
+
+    shown, words = at_once(lambda: fit_report(view, exemplar, fitted), keep)
+    write_picture(picture, shown)
     say(f"{drawing}: {drawn_lines(fitted.style.about, fitted.style.choice is not None)}")
-    if fitted.learned is not None:
-        words = account(exemplar, fitted.learned).words(max(size))
-        if words:
-            say(f"{drawing}: {'; '.join(words)} (marked in {picture})")
+    if words:
+        say(f"{drawing}: {'; '.join(words)} (marked in {picture})")
     seconds = time.perf_counter() - started
     say(f"{drawing}: learned in {seconds:.0f} s -> {output}, {picture}")
     if tell:

@@ -22,6 +22,7 @@ from .layout import Placing, lay, sheet_placings, whole_placings
 from .pencil import pencil_lines
 from .registration import Homography, Registration, register
 from .sheet import Sheet, find_sheet
+from .threads import at_once
 
 # The numbers below were set by hand; no ablation of them is kept.
 
@@ -350,9 +351,14 @@ def separate(scan: np.ndarray, transparent: bool = False, name: str = "drawing")
     _check_ink(float(held.mean()), floor, mean_ground, name)
     strongest = float(np.quantile(opacity[held], STRONGEST))
     alpha = np.clip(opacity / max(strongest, 1e-3), 0, 1)
-    ink = _steady_ink(rgb if ground is None else _ink_over(rgb, ground, alpha, mean_ground), alpha)
-    laid = alpha[..., None] * ink + (1.0 - alpha[..., None])
-    return Exemplar(laid, alpha, ink, stroke_mask(alpha), mean_ground, notes=notes)
+
+    def coloured() -> tuple[np.ndarray, np.ndarray]:
+        raw = rgb if ground is None else _ink_over(rgb, ground, alpha, mean_ground)
+        ink = _steady_ink(raw, alpha)
+        return ink, alpha[..., None] * ink + (1.0 - alpha[..., None])
+
+    mask, (ink, laid) = at_once(lambda: stroke_mask(alpha), coloured)
+    return Exemplar(laid, alpha, ink, mask, mean_ground, notes=notes)
 
 
 def _least_opacity(

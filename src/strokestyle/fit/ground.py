@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
+from .threads import each_at_once
+
 # The numbers below were set by hand; no ablation of them is kept.
 
 # ground
@@ -50,15 +52,15 @@ def ground_field(rgb: np.ndarray) -> np.ndarray:
     height, width = rgb.shape[:2]
     rows = np.linspace(0, height, max(1, round(height / BLOCK)) + 1).astype(int)
     cols = np.linspace(0, width, max(1, round(width / BLOCK)) + 1).astype(int)
-    blocks = np.array(
-        [
-            [
-                np.median(rgb[a:b, c:d].reshape(-1, 3), axis=0)
-                for c, d in zip(cols[:-1], cols[1:], strict=True)
-            ]
-            for a, b in zip(rows[:-1], rows[1:], strict=True)
+
+    def medians(row: int) -> list[np.ndarray]:
+        strip = rgb[rows[row] : rows[row + 1]]
+        return [
+            np.median(strip[:, a:b].reshape(-1, 3), axis=0)
+            for a, b in zip(cols[:-1], cols[1:], strict=True)
         ]
-    )
+
+    blocks = np.array(each_at_once(medians, range(len(rows) - 1)))
     blocks = _without_ink(blocks)
     blocks = ndimage.gaussian_filter(blocks, (GROUND_SIGMA, GROUND_SIGMA, 0), mode="nearest")
     grid = np.meshgrid(_in_blocks(rows, height), _in_blocks(cols, width), indexing="ij")
@@ -136,8 +138,7 @@ def printed_lines(rgb: np.ndarray, ground: np.ndarray) -> np.ndarray | None:
     Returns (H, W, 3), what is left of the light where they are; None where there are none.
     """
     through = (rgb / np.maximum(ground, 1e-3)).astype(np.float32)
-    across = _printed_across(through)
-    along = _printed_across(through.swapaxes(0, 1))
+    across, along = each_at_once(_printed_across, (through, through.swapaxes(0, 1)))
     if across is None and along is None:
         return None
     out = np.ones_like(through)

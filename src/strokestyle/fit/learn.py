@@ -18,6 +18,7 @@ from ..render.overshoots import Overshoots
 from ..render.plan import Planned, lift
 from ..render.residuals import Residuals
 from ..render.style import Style, SumOfCurves
+from ..render.texture_bank import TextureBank
 from .align import Alignment, align
 from .checkpoint import Checkpoint
 from .config import FitConfig
@@ -30,6 +31,7 @@ from .progress import Report, Reporter
 from .restate import Passes, find_passes
 from .texture import learn_texture
 from .thickness import learn_thickness
+from .threads import at_once
 from .trace import MaskPyramid, Traced, affordable_steps, optimise_strokes
 
 FEATURE_RANGE = 0.5, 99.5  # percentiles of the training strokes' features; what lies beyond is cut
@@ -246,13 +248,21 @@ def fit_quick(
     rough_law = learn_law(seen.training, seen.measured, seen.alignment.free, config, seed, report)
     traced = _traced(seen, rough_law, config, report, checkpoint, until)
     pulled = _pulled(view, seen, traced)
-    law = learn_law(pulled.training, pulled.found, seen.alignment.free, config, seed, report)
-    style = _style(seen, pulled, law, config)
     strokes, rows = pulled.traced.strokes(pulled.training.planned)
-    if config.texture and len(strokes):
-        report("texture", 0, 1, {})
+
+    def lawful() -> Style:
+        law = learn_law(pulled.training, pulled.found, seen.alignment.free, config, seed, report)
+        return _style(seen, pulled, law, config)
+
+    def textured() -> TextureBank | None:
+        if not (config.texture and len(strokes)):
+            return None
         features = pulled.training.features[rows].astype(np.float64)
-        style = replace(style, bank=learn_texture(strokes, features, seen.exemplar, seed))
+        return learn_texture(strokes, features, seen.exemplar, seed)
+
+    style, bank = at_once(lawful, textured)
+    if bank is not None:
+        style = replace(style, bank=bank)
         report("texture", 1, 1, {})
     planned = pulled.training.planned
     doubted = long_runs(planned.on_curve & ~pulled.agrees, planned.offsets, REJECTED_RUN)

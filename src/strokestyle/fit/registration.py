@@ -18,6 +18,8 @@ import numpy as np
 from scipy import fft, ndimage
 from scipy.spatial import cKDTree
 
+from .threads import each_at_once
+
 # what is looked for: of the canvas, degrees, of size, of size from one side to the other
 MAX_SHIFT, MAX_ANGLE, MAX_SCALE, MAX_TILT = 0.07, 7.0, 0.07, 0.08
 LARGER = 1.5  # times that, at most, after refinement
@@ -25,7 +27,8 @@ COARSE = 192  # px, longer side of the images that are correlated
 GRID_STEPS, TILT_STEPS, BLUR = 9, 5, 2.1  # of the grid; px of these images
 CLEARLY_BETTER = 1.003  # times the correlation of a smaller change, for a larger one to be tried
 REACHES = (32.0, 16.0, 10.0, 7.0, 5.0, 4.0)  # px at 768; matches farther than this lose their say
-ROUNDS = 6  # of matching for each
+ROUNDS = 6  # of matching for each, at most
+SETTLED = 0.02  # px at 768: where a round moves no corner of the canvas by more, the next reach
 NORMAL_REACH = 7.0  # px at 768, between curve points that a normal is taken from
 DIRECTION = 10.0  # px at 768 that a line across counts as farther than one along
 GRADIENT_SIGMA, TENSOR_SIGMA = 1.5, 3.0  # px at 768, of the ink's direction
@@ -240,14 +243,17 @@ def register(mask: np.ndarray, curve_points: np.ndarray) -> Registration:
     size = float(mask.shape[1]), float(mask.shape[0])
     stay = found = Homography(np.eye(3), size)
     starts = _coarse_starts(ink.xy, curve_points, size)
-    plain = {free: matcher.refined(starts[free], free) for free in (SHIFT, TURN, SCALE)}
-    for free, tried in plain.items():
+    families = (ALL, KEYSTONE, SCALE, TURN, SHIFT)  # the slowest first
+    refined = each_at_once(lambda free: matcher.refined(starts[free], free), families)
+    best = dict(zip(families, refined, strict=True))
+    for free in (SHIFT, TURN, SCALE):
+        tried = best[free]
         # a sheet that lies turned was scanned or photographed, and so may well be scaled
         scaled = free == SCALE and found.angle
         allowed = ALLOWED_MISFIT_TURNED if scaled else ALLOWED_MISFIT[free]
         if matcher.misfit_left(tried, found) < allowed:
             found = tried
-    found = matcher.tilted(found, plain, starts)
+    found = matcher.tilted(found, best)
     moved = np.quantile(np.hypot(*(found(ink.xy) - ink.xy).T), 0.9) > MIN_MOVE * scale
     return Registration(
         found if moved else None, matcher.off(stay), matcher.off(found if moved else stay)
@@ -318,16 +324,13 @@ class _Matcher:
         away = ((self.curves.xy[index] - ink.xy[matched]) * self.curves.normal[index]).sum(axis=1)
         return float(np.median(np.abs(away)))
 
-    def tilted(
-        self, found: Homography, plain: dict[Free, Homography], starts: _Starts
-    ) -> Homography:
-        """Take a homography instead of what was found where it is clearly better.
+    def tilted(self, found: Homography, best: dict[Free, Homography]) -> Homography:
+        """Take a homography of the `best` instead of what was found where it is clearly better.
 
         One that keeps the scale is preferred, as a hand that draws larger scales its drawing.
         """
-        keystone = self.refined(starts[KEYSTONE], KEYSTONE)
-        every = self.refined(starts[ALL], ALL)
-        left = min(self.misfit_left(keystone, plain[TURN]), self.misfit_left(every, plain[SCALE]))
+        keystone, every = best[KEYSTONE], best[ALL]
+        left = min(self.misfit_left(keystone, best[TURN]), self.misfit_left(every, best[SCALE]))
         moved = not np.array_equal(found.matrix, np.eye(3))
         allowed = ALLOWED_MISFIT_BOTH if moved else ALLOWED_MISFIT_TILTED
         if left > allowed:
@@ -343,7 +346,10 @@ class _Matcher:
         """
         size = np.ptp(self.ink.xy, axis=0).max() + 1.0
         centre, found = 0.5 * np.array(start.size), start
+        settled = np.nan  # reach
         for reach in np.repeat(REACHES, ROUNDS) * self.scale:
+            if reach == settled:
+                continue
             ink = self.ink.moved(found)
             far, index = self.tree.query(ink.embedded(self.turn), distance_upper_bound=3 * reach)
             good = np.flatnonzero(np.isfinite(far))
@@ -359,8 +365,15 @@ class _Matcher:
             moved = Homography.about_centre(step, start.size).after(found)
             if not _plausible(moved):
                 break  # a circle fits one of any size
+            if _farthest_apart(moved, found) < SETTLED * self.scale:
+                settled = reach
             found = moved
         return found
+
+
+def _farthest_apart(one: Homography, other: Homography) -> float:
+    """How far two maps take a corner of the canvas apart at most, px."""
+    return float(np.hypot(*(one(one.corners) - other(one.corners)).T).max())
 
 
 def _plausible(moved: Homography) -> bool:
