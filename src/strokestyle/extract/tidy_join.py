@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..geometry.curves import KINDS
-from .tidy_lines import CONTOUR, SOFT, Lines, Numbers, ends_of, even, near_others
+from ..geometry.curves import KINDS, counting
+from .tidy_lines import CONTOUR, SOFT, Lines, Numbers, ends_of, even, near_others, quick_tree
 
 # Lengths in px, angles in degrees.
 MAX_NEAR = 24  # ends around an end that it may be joined to: the nearest
@@ -20,6 +19,7 @@ TOUCHING, TOUCHING_BEND = 2.0, 60.0  # ends this near may bend by so much
 CONTOUR_ANGLE = 1.4  # x angle, between contours
 CORNER_BEND = 90.0  # of two free ends of contours
 FREE = 3.0  # an end this far from all other curves is free
+MIN_TRIMMED, BEHIND_TIP = 4, 0.3  # points of a part that is trimmed; of those up to here, px
 BEHIND = 0.5  # how far behind an end the other may lie and still count as ahead
 ASIDE, CONTOUR_ASIDE = 1.5, 2.5  # beside the heading, before the angle tells
 OVERLAP, OVERLAP_ASIDE = 6.0, 2.0  # how far two ends may run past each other, and how far apart
@@ -138,8 +138,9 @@ def _pairs_within(xy: np.ndarray, reach: float) -> np.ndarray:
     distance, other = cKDTree(xy).query(xy, k=near, distance_upper_bound=reach)
     here, k = np.nonzero(np.reshape(distance < np.inf, (len(xy), near)))
     there = np.reshape(other, (len(xy), near))[here, k]
-    pairs = np.stack([np.minimum(here, there), np.maximum(here, there)])
-    return np.unique(pairs[:, here != there], axis=1)
+    other = here != there
+    pair = np.minimum(here, there)[other] * len(xy) + np.maximum(here, there)[other]
+    return np.stack(np.divmod(np.unique(pair), len(xy)))
 
 
 def _head_on(lines: Lines, pairs: _EndPairs, free: np.ndarray, options: Numbers) -> np.ndarray:
@@ -209,7 +210,7 @@ def _clear(lines: Lines, pairs: _EndPairs, options: Numbers) -> np.ndarray:
         return clear
     tip, _ = ends_of(lines)
     start, stop = tip[pairs.a[long]], tip[pairs.b[long]]
-    tree, of = cKDTree(lines.xy[hard]), lines.of[hard]
+    tree, of = quick_tree(lines.xy[hard]), lines.of[hard]
     t = np.linspace(0.0, 1.0, 13 * options.steps + 1)[1:-1]
     probe = start[:, None] + t[:, None] * (stop - start)[:, None]
     _, nearest = tree.query(probe.reshape(-1, 2), k=1, distance_upper_bound=CROSSING)
@@ -228,60 +229,110 @@ def _link(lines: Lines, mate: np.ndarray, options: Numbers) -> Lines:
     linked = (mate[::2] >= 0) | (mate[1::2] >= 0)
     if not linked.any():
         return lines
-    length = lines.length
-    rows, kind, closed = [], [], []
-    for ends, ring in _chains(mate, linked):
-        parts = [np.arange(lines.offsets[e // 2], lines.offsets[e // 2 + 1]) for e in ends]
-        parts = [part[::-1] if e % 2 else part for part, e in zip(parts, ends, strict=True)]
-        joined = (
-            np.concatenate(_trimmed(lines.xy, parts, ring, options)) if len(parts) > 1 else parts[0]
-        )
-        rows.append(np.r_[joined, joined[0]] if ring else joined)
-        curves = np.array(ends) // 2
-        kind.append(_joined_kind(lines.kind[curves], length[curves]))
-        closed.append(ring)
-    offsets = np.r_[0, np.cumsum([len(row) for row in rows])]
-    linked_up = lines.made_of(np.concatenate(rows), offsets, np.array(kind), np.array(closed))
+    chains = _Chains.of(mate, linked)
+    rows, offsets = chains.rows(lines, _skipped(lines, chains, options))
+    kind = _joined_kinds(lines, chains)
+    linked_up = lines.made_of(rows, offsets, kind, chains.ring)
     return even(Lines.concatenate(lines.take(~linked), linked_up))
 
 
-def _chains(mate: np.ndarray, linked: np.ndarray) -> Iterator[tuple[list[int], bool]]:
-    """Follow ends from mate to mate; yield the ends where curves are entered, and if it is a ring.
+class _Chains(NamedTuple):
+    """Chains of curves that are joined: P parts, chain by chain.
 
-    Open chains begin at an end that has no mate, then rings anywhere.
+    Parameters
+    ----------
+    end : (P,) int, the end where each curve is entered
+    chain : (P,) int, which chain each part is of, ascending
+    ring : (C,) bool, whether the last part of a chain leads to its first
     """
-    used = np.zeros(len(linked), bool)
-    starts = np.repeat(2 * np.flatnonzero(linked), 2)
-    starts[1::2] += 1
-    for start in (*starts[mate[starts] < 0], *starts[::2]):
-        ends, end = [], int(start)
-        if used[end // 2]:
-            continue
-        while end >= 0 and not used[end // 2]:
-            used[end // 2] = True
-            ends.append(end)
-            end = int(mate[end ^ 1])
-        yield ends, end >= 0
+
+    end: np.ndarray
+    chain: np.ndarray
+    ring: np.ndarray
+
+    @classmethod
+    def of(cls, mate: np.ndarray, linked: np.ndarray) -> _Chains:
+        """Follow ends from mate to mate, through curves that are `linked`, (C,) bool.
+
+        Open chains begin at an end that has no mate, then rings anywhere.
+        """
+        mates, used = mate.tolist(), (~linked).tolist()
+        ends: list[int] = []
+        count: list[int] = []
+        ring: list[bool] = []
+        starts = np.repeat(2 * np.flatnonzero(linked), 2)
+        starts[1::2] += 1
+        for end in (*starts[mate[starts] < 0].tolist(), *starts[::2].tolist()):
+            before = len(ends)
+            while end >= 0 and not used[end // 2]:
+                used[end // 2] = True
+                ends.append(end)
+                end = mates[end ^ 1]
+            if len(ends) > before:
+                count.append(len(ends) - before)
+                ring.append(end >= 0)
+        chain = np.repeat(np.arange(len(count)), count)
+        return cls(np.array(ends), chain, np.array(ring))
+
+    @property
+    def curve(self) -> np.ndarray:
+        """The curve that each part is, (P,)."""
+        return self.end // 2
+
+    @property
+    def before(self) -> np.ndarray:
+        """The part before each part, (P,); -1 before the first of an open chain."""
+        first = np.flatnonzero(np.diff(self.chain, prepend=-1))
+        before = np.arange(len(self.end)) - 1
+        last = np.r_[first[1:], len(self.end)] - 1
+        before[first] = np.where(self.ring, last, -1)
+        return before
+
+    def rows(self, lines: Lines, skip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """List the points of chains, of parts less the first `skip` (P,): rows, and offsets."""
+        start, step = self.ways(lines)
+        count = np.diff(lines.offsets)[self.curve] - skip
+        of = np.repeat(np.arange(len(count)), count)
+        rows = start[of] + step[of] * (skip[of] + counting(count))
+        offsets = np.r_[0, np.cumsum(np.bincount(self.chain, count).astype(np.int64))]
+        closing = np.flatnonzero(self.ring)  # a ring ends with its first point
+        rows = np.insert(rows, offsets[closing + 1], rows[offsets[closing]])
+        return rows, offsets + np.r_[0, np.cumsum(self.ring)]
+
+    def ways(self, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
+        """Tell the row where each part begins, and 1 or -1, the step to the next, (P,) each."""
+        back = self.end % 2 == 1
+        return np.where(back, lines.last[self.curve], lines.first[self.curve]), 1 - 2 * back
 
 
-def _joined_kind(kind: np.ndarray, length: np.ndarray) -> int:
-    """Choose the kind with the most length, of the hard ones where these make up a third of it."""
-    weight = np.bincount(kind, length, len(KINDS))
+def _joined_kinds(lines: Lines, chains: _Chains) -> np.ndarray:
+    """Choose kinds of the most length, of the hard ones where these make up a third of it, (C,)."""
+    kind, length = lines.kind[chains.curve], lines.length[chains.curve]
+    shape = (len(chains.ring), len(KINDS))
+    weight = np.bincount(chains.chain * len(KINDS) + kind, length, shape[0] * shape[1])
+    weight = weight.reshape(shape)
     hard = np.where(SOFT, 0.0, weight)
-    return int((hard if 3.0 * hard.sum() > weight.sum() else weight).argmax())
+    mostly = 3.0 * hard.sum(axis=1) > weight.sum(axis=1)
+    return np.where(mostly[:, None], hard, weight).argmax(axis=1)
 
 
-def _trimmed(
-    xy: np.ndarray, parts: list[np.ndarray], ring: bool, options: Numbers
-) -> list[np.ndarray]:
-    """Trim successive parts, rows each, of points at their start that lie behind the one before."""
-    out = list(parts)
-    for i in range(0 if ring else 1, len(out)):
-        before, part = out[i - 1], out[i]
-        if len(part) < 4:
-            continue
-        tip, head = xy[before[-1]], xy[before[-1]] - xy[before[max(len(before) - 6, 0)]]
-        behind = (xy[part[: 8 * options.steps]] - tip) @ head <= 0.3 * np.hypot(*head)
-        skip = int(behind.argmin()) if not behind.all() else 0
-        out[i] = part[min(skip, len(part) - 2) :]
-    return out
+def _skipped(lines: Lines, chains: _Chains, options: Numbers) -> np.ndarray:
+    """Count the points at the start of each part that lie behind the one before, (P,) int."""
+    before, (start, step) = chains.before, chains.ways(lines)
+    count = np.diff(lines.offsets)[chains.curve]
+    part = np.flatnonzero(
+        (before >= 0) & (before != np.arange(len(before))) & (count >= MIN_TRIMMED)
+    )
+    before, first = before[part], before[part] > part  # a ring's first comes before its last
+    place = np.minimum(np.arange(8 * options.steps), count[part, None] - 1)
+    reach = lines.xy[start[part, None] + step[part, None] * place]
+    tip = lines.xy[start[before] + step[before] * (count[before] - 1)]
+    skip, known = np.zeros(len(count), np.int64), None
+    while known is None or (skip != known).any():  # what is left of a part tells its heading
+        known = skip.copy()
+        root = np.maximum(count[before] - HEADING, np.where(first, 0, skip[before]))
+        heading = tip - lines.xy[start[before] + step[before] * root]
+        along = ((reach - tip[:, None]) * heading[:, None]).sum(axis=2)
+        ahead = along > BEHIND_TIP * np.hypot(*heading.T)[:, None]
+        skip[part] = np.minimum(ahead.argmax(axis=1), count[part] - 2)
+    return skip
