@@ -25,8 +25,8 @@ def test_what_is_told_quickly_to_lie_far_off_is_what_is_measured(away, monkeypat
     """One small face, nearer and farther, beside a ball."""
     vertices = np.vstack([BALL.vertices, 0.3 * BALL.vertices[BALL.faces[0]] + away])
     faces = np.vstack([BALL.faces, np.arange(3) + len(BALL.vertices)])
-    extent = np.stack([vertices.min(axis=0), vertices.max(axis=0)], axis=1)
-    assert repair._fills_its_box(vertices, faces, extent) == (away == 1.0)
+    box = vertices.min(axis=0), vertices.max(axis=0)
+    assert repair._fills_its_box(vertices, faces, *box) == (away == 1.0)
     if away > 1.0:
         with pytest.warns(MeshWarning, match="1 of its"):
             quick = repair.left_out(vertices, faces)
@@ -44,17 +44,17 @@ def test_a_mesh_that_fills_its_box_has_nothing_far_off():
         points = rng.normal(size=(60, 3)) * np.exp(rng.normal(size=(60, 1)) * rng.random() * 4)
         faces = rng.integers(0, 60, (400, 3))
         used = points[np.unique(faces)]
-        extent = np.stack([used.min(axis=0), used.max(axis=0)], axis=1)
+        box = used.min(axis=0), used.max(axis=0)
         corner = points[faces]
         area = np.linalg.norm(
             np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1
         )
-        size = np.ptp(extent, axis=1).max()
+        size = (box[1] - box[0]).max()
         for share, limit in ((repair.LONE, repair.LOST), (repair.STRAY, repair.SMALL)):
             far, rest = repair._far_from_most(corner, area, share)
             if far.any() and rest < limit * size:
-                assert not repair._fills_its_box(points, faces, extent)
-        told += repair._fills_its_box(points, faces, extent)
+                assert not repair._fills_its_box(points, faces, *box)
+        told += repair._fills_its_box(points, faces, *box)
     assert told > 20
 
 

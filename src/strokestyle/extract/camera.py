@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..mesh.triangles import bounds, distances
+
 # azimuth, elevation in degrees: where the eye stands, 0 = in front (+z), azimuth towards +x
 NAMED_VIEWS = {
     "front": (0.0, 0.0),
@@ -349,8 +351,9 @@ def fit_camera(
     if not 1.0 <= fov_y <= 150.0:
         raise ValueError(f"the field of view must lie between 1 and 150 degrees, got {fov_y:g}")
     vertices = np.asarray(vertices, np.float64)
-    centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    radius = max(float(np.linalg.norm(vertices - centre, axis=1).max()), 1e-6)
+    low, high = bounds(vertices)
+    centre = 0.5 * (low + high)
+    radius = max(float(distances(vertices, centre).max()), 1e-6)
     right, down, forward = Camera(centre + out, centre, picture_up, fov_y, width, height).axes
     rel = vertices - centre
     across, depth = np.stack([rel @ right, rel @ down]), rel @ forward

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..mesh.surface import Surface
+from ..mesh.triangles import bounds
 from .camera import Camera
 from .rays import Bvh
 
@@ -93,8 +94,9 @@ def _window(surface: Surface, camera: Camera) -> tuple[tuple[int, int], tuple[in
         camera.extent is None and depth.min() <= 1e-6
     ):  # some of it beside or behind the eye: its pixels mean nothing
         return (0, camera.width), (0, camera.height)
-    left, top = (int(v) for v in np.clip(np.floor(xy.min(axis=0)) - 1, 0, size))
-    right, bottom = (int(v) for v in np.clip(np.ceil(xy.max(axis=0)) + 1, 0, size))
+    low, high = bounds(xy)
+    left, top = (int(v) for v in np.clip(np.floor(low) - 1, 0, size))
+    right, bottom = (int(v) for v in np.clip(np.ceil(high) + 1, 0, size))
     return (left, right), (top, bottom)
 
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from ..mesh.surface import Surface
-from ..mesh.triangles import row_dot, unit_rows
+from ..mesh.triangles import bounds, row_dot, unit_rows
 from .embree import FirstHits, scene
 from .eye import at_infinity
 from .face_shapes import FaceShapes, mean_around
@@ -67,11 +67,7 @@ class Bvh:
         self.faces = np.asarray(surface.faces, np.int64)
         self.normals = np.asarray(surface.normals, np.float64)
         # embree works in float32: bring every mesh to the same place and size
-        low, high = (
-            (self.vertices.min(axis=0), self.vertices.max(axis=0))
-            if len(self.vertices)
-            else (0.0, 1.0)
-        )
+        low, high = bounds(self.vertices) if len(self.vertices) else (0.0, 1.0)
         self._centre, self._scale = 0.5 * (low + high), 1.0 / max(float(np.max(high - low)), 1e-300)
         component = getattr(surface, "component", None)
         self.component = component if component is not None and np.ptp(component) else None

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import KINDS
 from ..mesh.surface import Surface
-from ..mesh.triangles import all_corners, any_corner, row_dot
+from ..mesh.triangles import all_corners, any_corner, bounds, row_dot
 from .face_shapes import FaceShapes
 from .intersections import TOUCH, crossings
 from .line_options import LineOptions
@@ -302,8 +302,8 @@ def _body_sizes(surface: Surface) -> np.ndarray:
     if count == 1:
         used = np.zeros(len(surface.vertices), bool)
         used[surface.faces.ravel()] = True
-        every = np.ptp(surface.vertices if used.all() else surface.vertices[used], axis=0).max()
-        return np.broadcast_to(every, len(surface.faces))
+        low, high = bounds(surface.vertices if used.all() else surface.vertices[used])
+        return np.broadcast_to((high - low).max(), len(surface.faces))
     body = np.zeros(len(surface.vertices), np.int64)
     for corner in surface.faces.T:
         body[corner] = surface.component

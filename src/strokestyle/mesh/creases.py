@@ -168,10 +168,9 @@ def _in_low_poly(edges: Edges, bend: np.ndarray, edge: np.ndarray, angle: float)
     """
     middling = ((bend > np.radians(FLAT)) & (bend <= angle)).astype(float)
     count = edges.ends.max() + 1
-    of_vertex, degree = (
-        np.bincount(edges.ends.ravel(), np.repeat(weight, 2), count)
-        for weight in (middling, np.ones(len(bend)))
-    )
+    one, two = edges.ends.T
+    of_vertex = np.bincount(one, middling, count) + np.bincount(two, middling, count)
+    degree = np.bincount(one, minlength=count) + np.bincount(two, minlength=count)
     corner = edges.ends[edges.of_side[edges.faces[edge]]].reshape(len(edge), -1)  # each twice
     share = of_vertex[corner].sum(axis=1) / degree[corner].sum(axis=1)
     return share < MIDDLING

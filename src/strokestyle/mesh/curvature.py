@@ -17,6 +17,7 @@ from .triangles import (
     blocks,
     column_dot,
     columns,
+    distances,
     row_dot,
     sum_at_corners,
     tangent_frame,
@@ -639,7 +640,7 @@ def bounding_radius(points: np.ndarray) -> float:
     support = np.unique(points[[points[:, 0].argmin(), points[:, 0].argmax()]], axis=0)
     for _ in range(100):
         centre, radius, support = _smallest_sphere(support)
-        distance = np.linalg.norm(points - centre, axis=1)
+        distance = distances(points, centre)
         far = int(distance.argmax())
         if distance[far] <= radius * (1.0 + 1e-6) + 1e-12:
             break
@@ -663,7 +664,7 @@ def _smallest_sphere(points: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]
                 else np.zeros(3)
             )
             centre = carrier[0] + offset
-            radius = np.linalg.norm(points - centre, axis=1).max()
+            radius = distances(points, centre).max()
             if radius < best[1] * (1.0 - 1e-9):
                 best = centre, radius, carrier
     return best

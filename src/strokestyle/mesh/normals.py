@@ -97,14 +97,20 @@ def _fitted_normals(
     vertex : (P,) int, the place that each of them tells of
     axis : (M, 3) unit normals, across which the fields change
     """
-    side = side_vectors(columns(vertices), corners)
-    cross = column_cross(side[0], side[1])
+    corner = columns(corners)
+    place = [axis.take(corner) for axis in vertices.T]
+    first, second = (np.stack([p[i] - p[j] for p in place]) for i, j in ((2, 1), (0, 2)))
+    cross = column_cross(first, second)
     area = np.sqrt(column_dot(cross, cross))
-    x, y = (columns(tangent) for tangent in tangent_frame(columns(axis)))
-    away = vertices[corners].mean(axis=1) - at[vertex]
-    along = row_dot(away, x[vertex]), row_dot(away, y[vertex])
-    where = np.stack([np.ones(len(vertex)), *along], axis=1)
-    return _fit_linear(vertex, where, area, (cross / np.maximum(area, TINY)).T, len(at))
+    cross /= np.maximum(area, TINY)
+    away = [
+        (p[0] + p[1] + p[2]) / 3.0 - own.take(vertex) for p, own in zip(place, at.T, strict=True)
+    ]
+    x, y = (
+        column_dot(away, [one.take(vertex) for one in tangent])
+        for tangent in tangent_frame(columns(axis))
+    )
+    return _fit_linear(vertex, x, y, area, cross, len(at))
 
 
 def _two_rings(
@@ -136,22 +142,25 @@ def _two_rings(
 
 
 def _fit_linear(
-    vertex: np.ndarray, at: np.ndarray, area: np.ndarray, unit: np.ndarray, count: int
+    vertex: np.ndarray, x: np.ndarray, y: np.ndarray, area: np.ndarray, unit: np.ndarray, count: int
 ) -> np.ndarray:
     """Fit unit normals by linear fields in the tangent planes of `count` vertices: values there.
 
     Parameters
     ----------
     vertex : (P,) int, the vertex that a pair of it and a face belongs to
-    at : (P, 3) one, and the face's centroid in the vertex's tangent plane
+    x, y : (P,), the face's centroid in the vertex's tangent plane
     area : (P,) weight of the face
-    unit : (P, 3) its normal
+    unit : (3, P) its normal
     """
     left, right = np.empty((count, 3, 3)), np.empty((count, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            left[:, i, j] = scatter_sum(vertex, area * at[:, i] * at[:, j], count)
-            right[:, i, j] = scatter_sum(vertex, area * at[:, i] * unit[:, j], count)
+    weights = area, area * x, area * y
+    for i, weight in enumerate(weights):
+        for j, field in enumerate((None, x, y)[: i + 1]):
+            total = scatter_sum(vertex, weight if field is None else weight * field, count)
+            left[:, i, j] = left[:, j, i] = total
+        for j, axis in enumerate(unit):
+            right[:, i, j] = scatter_sum(vertex, weight * axis, count)
     # faces in a row tell nothing across it: no slope then
     spread = 1e-6 * (left[:, 1, 1] + left[:, 2, 2]) + TINY
     left[:, 1, 1] += spread

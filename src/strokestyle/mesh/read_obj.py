@@ -10,7 +10,7 @@ import numpy as np
 
 from .messages import NotSupported, only_lines, warn
 from .polygons import cut_polygons
-from .text_file import one_byte_text
+from .text_file import one_byte_text, plain_decimals
 from .triangles import Triangles
 
 _SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
@@ -116,6 +116,9 @@ class _Lines:
         count = np.diff(np.searchsorted(first, last), prepend=0)
         if not len(first):  # numpy makes one number of an empty text
             return np.zeros(0, dtype), count
+        plain = plain_decimals(bodies) if kind is float else None
+        if plain is not None:
+            return plain, count
         with warnings.catch_warnings():
             # at a word that is no number some versions of numpy stop and warn, others raise
             warnings.simplefilter("ignore")

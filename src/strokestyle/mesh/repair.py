@@ -21,6 +21,7 @@ from .triangles import (
     Edges,
     any_corner,
     blocks,
+    bounds,
     clashes,
     column_cross,
     column_dot,
@@ -48,7 +49,7 @@ def centre_and_scale(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]
     Returns them, and the centre (3,) and the scale that undo it. Raises ValueError where they have
     no size, or none that can be handled.
     """
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = bounds(points)
     centre = 0.5 * low + 0.5 * high  # halves first: coordinates may be near the largest float
     scale = float((0.5 * high - 0.5 * low).max())
     if not scale > 0.0:
@@ -67,9 +68,9 @@ def left_out(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     there = vertices if used.all() else vertices[used]
-    extent = np.array([[axis.min(), axis.max()] for axis in there.T])
-    size = float(np.ptp(extent, axis=1).max())
-    if not 0.0 < size < np.inf or _fills_its_box(vertices, faces, extent):
+    low, high = bounds(there)
+    size = float((high - low).max())
+    if not 0.0 < size < np.inf or _fills_its_box(vertices, faces, low, high):
         return None
     corner = vertices[faces]
     side = (corner[:, 1:] - corner[:, :1]) / size
@@ -90,17 +91,19 @@ def left_out(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
     return far if gone else None
 
 
-def _fills_its_box(vertices: np.ndarray, faces: np.ndarray, extent: np.ndarray) -> bool:
+def _fills_its_box(
+    vertices: np.ndarray, faces: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> bool:
     """Tell quickly, and roughly, of most meshes that none of their faces lie far from the others.
 
     What `_far_from_most` takes for the others has all but three shares of the area. So it reaches
     from the place along an axis before which four shares lie to that beyond which four do. Places
     are told to one of BINS of the longest axis, and areas in single precision.
 
-    `extent` : (3, 2), the least and the greatest coordinate of each axis
+    `low`, `high` : (3,), the least and the greatest coordinate of each axis
     """
-    axis = int(np.ptp(extent, axis=1).argmax())
-    low, size = extent[:, 0], np.ptp(extent[axis])
+    axis = int((high - low).argmax())
+    size = high[axis] - low[axis]
     with np.errstate(all="ignore"):  # what no face uses may be anything
         points = columns(((vertices - low) / size).astype(np.float32))
     area = np.zeros(BINS)

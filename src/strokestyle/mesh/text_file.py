@@ -17,6 +17,7 @@ _ENDS = {expat.errors.codes[name] for name in (expat.errors.XML_ERROR_NO_ELEMENT
 _MARK = b"\xef\xbb\xbf"  # of UTF-8, at the beginning
 _SAMPLE = 512  # bytes that tell an encoding without a mark
 _ZEROS = 0.1  # share of zeros, at least, in one half of wide letters
+DIGITS = 15  # that a whole number has at most, for all to be exact as float64
 _MORE = 8  # times as many zeros as in the other half
 
 
@@ -79,8 +80,42 @@ def read_numbers(text: bytes, line: int = 1) -> tuple[np.ndarray, str]:
     return values, "numbers that cannot be read"
 
 
+def plain_decimals(text: bytes) -> np.ndarray | None:
+    """Read the numbers (N,) float64 of a text in which none has an exponent.
+
+    To the last digit, in half of the time that numpy takes: each is a whole number and a power of
+    ten, both exact as float64, so that their quotient is rounded but once (Clinger 1990). -0.0 is
+    read as 0.0. None where anything else is in the text, or a number of more than DIGITS digits.
+    """
+    word = np.frombuffer(b" " + text + b" ", np.uint8) > ord(" ")
+    change = np.flatnonzero(word[1:] != word[:-1])
+    first, behind = change[::2], change[1::2]
+    point = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("."))
+    if not len(first) or (behind - first).max() > DIGITS + 1:
+        return None
+    every = len(point) == len(first)
+    of = np.arange(len(first)) if every else np.searchsorted(behind, point, "right")
+    if (point < first[of]).any() or (point >= behind[of]).any() or (of[1:] == of[:-1]).any():
+        return None  # some with several points
+    digits = np.zeros(len(first), np.int64)  # behind the point
+    digits[of] = behind[of] - point - 1
+    with warnings.catch_warnings():
+        # at a word that is no number some versions of numpy stop and warn, others raise
+        warnings.simplefilter("ignore")
+        try:
+            whole = np.fromstring(text.translate(None, b"."), np.int64, sep=" ")
+        except ValueError:
+            return None
+    if len(whole) != len(first):
+        return None
+    return whole / (10.0 ** np.arange(DIGITS + 1)).take(digits)
+
+
 def _parse(text: bytes) -> tuple[np.ndarray, bool]:
     """Read numbers (N,), and tell whether that stopped before the end."""
+    plain = plain_decimals(text)
+    if plain is not None:
+        return plain, False
     with warnings.catch_warnings(record=True) as found:
         # at a word that is no number some versions of numpy stop and warn, others raise
         warnings.simplefilter("always")

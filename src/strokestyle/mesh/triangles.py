@@ -185,6 +185,24 @@ def columns(rows: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(rows.T)
 
 
+def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the least and the greatest of each coordinate of points (N, k), (k,) each.
+
+    Column by column: many times faster than numpy reduces short rows.
+    """
+    return np.array([axis.min() for axis in points.T]), np.array([axis.max() for axis in points.T])
+
+
+def distances(points: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Measure how far points (N, k) lie from one (k,), (N,); column by column, as `bounds`."""
+    square = np.zeros(len(points))
+    for axis, middle in zip(points.T, centre, strict=True):
+        away = axis - middle
+        away *= away
+        square += away
+    return np.sqrt(square, out=square)
+
+
 def column_dot(u: Columns, v: Columns) -> np.ndarray:
     """Multiply vectors (3, N) column by column: dot products (N,), to the last digit as row_dot."""
     out = u[0] * v[0]

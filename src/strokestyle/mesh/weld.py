@@ -118,7 +118,8 @@ def drop_repeated_faces(soup: Soup) -> Soup:
 def _maybe_repeated(edges: Edges) -> np.ndarray:
     """Find the faces (N,) int that may have the corners of others: these lie beyond all sides."""
     beyond = (edges.beyond // 3).T  # -1 where none is beyond a side, or many are
-    low, high = beyond.min(axis=0), beyond.max(axis=0)
+    low = np.minimum(np.minimum(beyond[0], beyond[1]), beyond[2])
+    high = np.maximum(np.maximum(beyond[0], beyond[1]), beyond[2])
     found = np.flatnonzero((low == high) | (low < 0))
     others = beyond[:, found].T
     same = (others == high[found, None]) | (edges.uses[edges.of_side[found]] > 2)
