@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import KINDS, counting
-from .tidy_lines import CONTOUR, SOFT, Lines, Numbers, ends_of, even, near_others, quick_tree
+from .tidy_lines import CONTOUR, SOFT, Lines, Numbers, ends_of, even, near_others
 
 # Lengths in px, angles in degrees.
 MAX_NEAR = 24  # ends around an end that it may be joined to: the nearest
@@ -210,7 +210,7 @@ def _clear(lines: Lines, pairs: _EndPairs, options: Numbers) -> np.ndarray:
         return clear
     tip, _ = ends_of(lines)
     start, stop = tip[pairs.a[long]], tip[pairs.b[long]]
-    tree, of = quick_tree(lines.xy[hard]), lines.of[hard]
+    tree, of = cKDTree(lines.xy[hard]), lines.of[hard]
     t = np.linspace(0.0, 1.0, 13 * options.steps + 1)[1:-1]
     probe = start[:, None] + t[:, None] * (stop - start)[:, None]
     _, nearest = tree.query(probe.reshape(-1, 2), k=1, distance_upper_bound=CROSSING)
