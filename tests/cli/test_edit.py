@@ -267,18 +267,52 @@ def test_wrong_use_is_one_line(drawn, tmp_path, monkeypatch, args, code, words):
     assert "Traceback" not in result.stderr
 
 
-@pytest.mark.parametrize("texture", ["image", "vector"])
-def test_thickness_there_and_back_wears_little_of_a_texture(tmp_path, texture):
-    file, made, runner = tmp_path / "a.svg", tmp_path / "b.svg", CliRunner()
-    was = small("grain")
-    file.write_text(write_svg(was, texture=texture), encoding="utf-8")
-    size, margin = file.stat().st_size, was.texture.margin
+def edited(data, *args):
+    result = run("-", "-o", "-", *args, input=data)
+    assert result.exit_code == 0, result.stderr
+    return result.stdout_bytes
+
+
+@pytest.mark.parametrize("texture", ["grain", "colours"])
+@pytest.mark.parametrize("there, back", [("1.5", ".67"), (".8", "1.25"), ("4", ".25")])
+def test_thickness_of_images_there_and_back_is_the_file_that_was(texture, there, back):
+    first = data = write_svg(small(texture), texture="image").encode()
+    for _ in range(3):
+        thick = edited(data, "--thickness", there)
+        data = edited(thick, "--thickness", back)
+    assert thick != first and data == first
+    twice = edited(edited(first, "--thickness", "2"), "--thickness", "1.4")
+    once = edited(first, "--thickness", "2.8")
+    assert read_svg(twice).texture.rgba.tobytes() == read_svg(once).texture.rgba.tobytes()
+    width = read_svg(first).strokes.thickness
+    assert read_svg(twice).strokes.thickness == pytest.approx(2.8 * width, abs=0.002)
+
+
+def test_what_was_changed_since_is_not_taken_back():
+    first = write_svg(small("colours"), texture="image").encode()
+    thick = edited(first, "--thickness", "1.5")
+    hand = thick.replace(b'id="s001"', b'id="mine"')
+    back = edited(hand, "--thickness", ".67")
+    assert b'id="mine"' in back and b"data-ss-was" in back and back.count(b"data-ss-was") == 1
+    assert edited(back, "--thickness", "1.5") != hand  # of what the hand left
+    assert edited(edited(hand, "--thickness", "2"), "--thickness", ".5") == hand.replace(
+        re.search(b' data-ss-was="[^"]*"', hand)[0], b""
+    )
+    other = edited(thick, "--recolor", "red")
+    assert b"data-ss-was" not in other
+
+
+@pytest.mark.parametrize("texture", ["vector", "none"])
+def test_thickness_of_paths_keeps_no_other_file(texture):
+    first = write_svg(small("grain"), texture=texture).encode()
+    thick = edited(first, "--thickness", "1.5")
+    assert b"data-ss-was" not in thick and len(thick) < 1.2 * len(first)
+
+
+def test_thickness_there_and_back_wears_little_of_tones():
+    data = write_svg(small("grain"), texture="vector").encode()
+    size, margin = len(data), read_svg(data).texture.margin
     for factor, whole in (("1.25", 1.25), ("0.8", 1.0)) * 4:
-        given = ["edit", str(file), "-o", str(made), "--thickness", factor]
-        result = runner.invoke(main, given, catch_exceptions=False)
-        assert result.exit_code == 0, result.output
-        file, made = made, file.with_name(f"{file.stem}2.svg")
-        assert read_svg(file.read_text(encoding="utf-8")).texture.margin == pytest.approx(
-            whole * margin, abs=0.01
-        )
-    assert file.stat().st_size == pytest.approx(size, rel=0.05)
+        data = edited(data, "--thickness", factor)
+        assert read_svg(data).texture.margin == pytest.approx(whole * margin, abs=0.01)
+    assert len(data) == pytest.approx(size, rel=0.05)

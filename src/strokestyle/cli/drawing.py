@@ -9,15 +9,19 @@ if TYPE_CHECKING:
     from ..svg.read import SvgFile
 
 
-def read_drawing(file: str) -> SvgFile:
+def read_drawing(file: str, data: bytes | None = None) -> SvgFile:
     """Read an SVG of ours; - is standard input. Errors say which option reads other SVGs.
+
+    `data` : what to read in place of what the file holds
 
     Raises ValueError, too, where no stroke in it is shown.
     """
     from ..svg.read import NoStrokesError, read_svg_file
 
     try:
-        found = read_svg_file(sys.stdin.buffer.read() if file == "-" else file)
+        if file == "-" and data is None:
+            data = sys.stdin.buffer.read()
+        found = read_svg_file(file if data is None else data)
     except NoStrokesError as error:
         raise ValueError(f"{error}: see render --curves") from None
     if not len(found.drawing.strokes):

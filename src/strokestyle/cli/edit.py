@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from itertools import islice
 from pathlib import Path
@@ -34,6 +35,7 @@ from .outputs import (
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+    from ..drawing.strokes import Drawing
     from ..svg.read import SvgFile
     from .edit_text import Edit, NamedDrawing
 
@@ -191,28 +193,50 @@ def edit(
         look["background"] = None
     check_look(look)
     check_outputs(outputs, [drawing] if drawing != "-" else [])
-    quickly = None if look else thickened(drawing, edits)
-    text, count, lost = quickly or edited_text(drawing, edits, look, seed)
+    factor = None if look else factor_of_all(edits)
+    if factor is None:
+        text, count, lost = edited_text(drawing, edits, look, seed)
+    else:
+        text, count, lost = thickened(drawing, factor)
     write_drawing(outputs, text, PngLook(scale, None if clear else "#ffffff"))
     say(f"{drawing}: {count} strokes -> {', '.join(outputs)}{lost}")
 
 
-def thickened(drawing: str, edits: Sequence[GivenEdit]) -> tuple[str, int, str] | None:
-    """What `edited_text` gives, where every edit is of all thicknesses and the file allows for it.
+def thickened(drawing: str, factor: float) -> tuple[str, int, str]:
+    """What `edited_text` gives, where all thicknesses are multiplied and nothing else is asked for.
 
-    None where not; what is wrong with a file is said where it is read as a drawing.
+    Tones are scaled in the file itself. Any other texture is drawn anew, from the file as it was
+    before its thickness was changed for the first time, which goes along in the new one; where all
+    factors since then make 1, that file it is.
     """
-    factor = factor_of_all(edits)
-    if drawing == STANDARD_OUTPUT or factor is None:
-        return None
+    from ..svg.original import Original, keep_original, original_of
+    from ..svg.read import count_strokes
     from ..svg.rescale import thickened_svg
+    from ..svg.write import write_svg
 
+    data = sys.stdin.buffer.read() if drawing == STANDARD_OUTPUT else Path(drawing).read_bytes()
+    before = quickly = None
     try:
         with timed("thickness"):
-            made = thickened_svg(Path(drawing).read_bytes(), factor)
-    except (OSError, ValueError):
-        return None
-    return None if made is None else (*made, "")
+            before = original_of(data, factor)
+            if before is not None:
+                data, factor = before
+                if factor == 1.0:
+                    return data.decode("utf-8"), count_strokes(data), ""
+            quickly = thickened_svg(data, factor)
+    except ValueError:  # it is said where the file is read as a drawing
+        pass
+    if quickly is not None:
+        return (*quickly, "")
+    with timed("read the drawing"):
+        known = before is not None or drawing == STANDARD_OUTPUT
+        found = read_drawing(drawing, data if known else None)
+    edited = thicker(found.drawing, factor)
+    with timed("write the SVG"):
+        text = write_svg(edited, found.options, ids=found.ids, kept=found.kept)
+    if edited.texture is not None and factor != 1.0:
+        text = keep_original(text, Original(data, factor))
+    return text, len(found.ids), left_out(found)
 
 
 def factor_of_all(edits: Sequence[GivenEdit]) -> float | None:
@@ -227,25 +251,31 @@ def edited_text(
     drawing: str, edits: Sequence[GivenEdit], look: dict[str, Any], seed: int
 ) -> tuple[str, int, str]:
     """The SVG of an edited drawing, its number of strokes, and what was left out."""
-    from ..drawing.edit import scale_across
-    from ..svg.rescale import FACTORS
     from ..svg.write import write_svg
     from .edit_text import NamedDrawing
 
     with timed("read the drawing"):
         found = read_drawing(drawing)
-    edited = NamedDrawing(found.drawing, found.ids)
     factor = factor_of_all(edits)
-    if factor is not None and FACTORS[0] <= factor <= FACTORS[1]:
-        with timed("thickness"):
-            edited = NamedDrawing(scale_across(found.drawing, factor), found.ids)
+    if factor is None:
+        edited = make_edits(edits, NamedDrawing(found.drawing, found.ids), seed)
     else:
-        edited = make_edits(edits, edited, seed)
+        edited = NamedDrawing(thicker(found.drawing, factor), found.ids)
     if not edited.ids:
         raise ValueError(f"{drawing}: --drop takes out all {len(found.ids)} strokes: drop fewer")
     with timed("write the SVG"):
         text = write_svg(edited.drawing, found.options, ids=edited.ids, kept=found.kept, **look)
     return text, len(edited.ids), left_out(found)
+
+
+def thicker(drawing: Drawing, factor: float) -> Drawing:
+    """The drawing with all thicknesses multiplied; little, texture is drawn out across strokes."""
+    from ..drawing.edit import scale_across, thicken
+    from ..svg.rescale import FACTORS
+
+    within = FACTORS[0] <= factor <= FACTORS[1]
+    with timed("thickness"):
+        return (scale_across if within else thicken)(drawing, factor)
 
 
 def make_edits(edits: Iterable[GivenEdit], drawing: NamedDrawing, seed: int) -> NamedDrawing:

@@ -50,6 +50,7 @@ class Data:
     PAGE = "data-ss-page"
     OPTIONS = "data-ss-options"
     PARTS = "data-ss-parts"
+    WAS = "data-ss-was"
     # of a layer
     HIDDEN = "data-ss-hidden"
     # of a stroke; the kind also of a group of one kind
