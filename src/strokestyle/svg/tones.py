@@ -450,19 +450,7 @@ def _splines(
     """
     if not len(xy):
         return np.zeros((0, 2), np.int64), np.zeros(1, np.int64), np.zeros(0, np.int64)
-    kept = np.flatnonzero(np.abs(areas(xy, offsets)) > SPECK * slack * slack)
-    rows, offsets = take_ragged(offsets, kept)
-    closed, ends = _repeated(xy[rows], offsets)
-    keep = np.ones(len(closed), bool)
-    while True:
-        keep[keep] = simplify_all(closed[keep], _counted(keep, ends), slack)
-        count = keep.sum() - len(kept)  # the first points are there twice
-        if count <= MAX_POINTS or slack >= MAX_SLACK:
-            break
-        slack = min(MAX_SLACK, slack * max(1.1, (count / MAX_POINTS) ** 0.6))
-        big = np.flatnonzero(np.abs(areas(closed, ends)) > SPECK * slack * slack)
-        rows, ends = take_ragged(ends, big)
-        closed, keep, kept = closed[rows], keep[rows], kept[big]
+    closed, ends, keep, kept = _thinned(xy, offsets, slack)
     keep[ends[1:] - 1] = False
     offsets = _counted(keep, ends)
     control = _fitted(closed, ends, keep, offsets)
@@ -473,6 +461,33 @@ def _splines(
     real = np.flatnonzero(np.diff(offsets) > 2)
     rows, offsets = take_ragged(offsets, real)
     return polygon[rows], offsets, kept[real]
+
+
+def _thinned(
+    xy: np.ndarray, offsets: np.ndarray, slack: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Contours (M', 2), px, without specks, each with its first point again at its end (M, 2).
+
+    Then their offsets, which (M,) bool of their points are enough, and which (R,) contours they
+    are. The slack grows until the points that are enough are MAX_POINTS at most.
+    """
+    area = np.abs(areas(xy, offsets))
+    kept = np.flatnonzero(area > SPECK * slack * slack)
+    rows, offsets = take_ragged(offsets, kept)
+    closed, ends = _repeated(xy[rows], offsets)
+    enough = np.flatnonzero(simplify_all(closed, ends, slack))
+    cuts, left = np.searchsorted(enough, ends), np.arange(len(kept))
+    while len(enough) - len(left) > MAX_POINTS and slack < MAX_SLACK:  # the first is there twice
+        slack = min(MAX_SLACK, slack * max(1.1, ((len(enough) - len(left)) / MAX_POINTS) ** 0.6))
+        big = np.flatnonzero(area[kept[left]] > SPECK * slack * slack)
+        rows, cuts = take_ragged(cuts, big)
+        enough, left = enough[rows], left[big]
+        keep = simplify_all(closed[enough], cuts, slack)
+        enough, cuts = enough[keep], _counted(keep, cuts)
+    keep = np.zeros(len(closed), bool)
+    keep[enough] = True
+    rows, ends = take_ragged(ends, left)
+    return closed[rows], ends, keep[rows], kept[left]
 
 
 def _largest_first(area: np.ndarray, group: np.ndarray) -> np.ndarray:
