@@ -387,7 +387,7 @@ def simplify_all(xy: np.ndarray, offsets: np.ndarray, tolerance: float | np.ndar
 
     Parameters
     ----------
-    xy : (N, d) float
+    xy : (N, 2) float
     offsets : (C+1,) int
     tolerance : in units of xy; one, or one a polyline (C,)
     """
@@ -416,41 +416,42 @@ def _simplified(xy: np.ndarray, offsets: np.ndarray, slack: np.ndarray) -> np.nd
     keep = np.zeros(len(xy), bool)
     keep[offsets[:-1]] = keep[offsets[1:] - 1] = True
     a, b = offsets[:-1], offsets[1:] - 1
-    columns = np.ascontiguousarray(np.asarray(xy, np.float64).T)
+    points = np.ascontiguousarray(xy, np.float64).view(np.complex128)[:, 0]
     while True:
         wide = b - a > 1
         a, b, slack = a[wide], b[wide], slack[wide]
         if not len(a):
             return keep
-        worst, at = _farthest_from_chords(columns, a, b)
+        worst, at = _farthest_from_chords(points, a, b)
         cut = worst > np.square(slack)
         keep[at[cut]] = True
         a, b, slack = np.r_[a[cut], at[cut]], np.r_[at[cut], b[cut]], np.r_[slack[cut], slack[cut]]
 
 
 def _farthest_from_chords(
-    columns: np.ndarray, a: np.ndarray, b: np.ndarray
+    points: np.ndarray, a: np.ndarray, b: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the point between rows a and b (S,) farthest from their chord, the first of equals.
 
-    `columns` : (d, N), the coordinates of the points
+    `points` : (N,) complex
     Returns the square of its distance (S,), and its row (S,) int.
     """
     count = b - a - 1  # points between the ends
     head = np.cumsum(count) - count
     span = np.repeat(np.arange(len(a)), count)
-    row = np.arange(len(span)) + np.repeat(a + 1 - head, count)
-    chord = columns[:, b] - columns[:, a]
-    size = np.maximum(np.square(chord).sum(axis=0), 1e-18)
-    rel = [column.take(row) - np.repeat(column[a], count) for column in columns]
-    t = np.zeros(len(row))
-    for r, c in zip(rel, chord, strict=True):
-        t += r * np.repeat(c / size, count)
-    np.clip(t, 0.0, 1.0, out=t)
-    square = np.zeros(len(row))
-    for r, c in zip(rel, chord, strict=True):
-        r -= t * np.repeat(c, count)
-        square += np.square(r, out=r)
+    row = (a + 1 - head).take(span)
+    row += np.arange(len(span))
+    chord = points[b] - points[a]
+    length = np.abs(chord)
+    turn = np.where(length > 0, chord.conj(), 1.0) / np.where(length > 0, length, 1.0)
+    rel = points.take(row)  # turned so that the chord lies along the real numbers
+    rel -= points[a].take(span)
+    rel *= turn.take(span)
+    nearest = length.take(span)  # of the chord
+    np.minimum(rel.real, nearest, out=nearest)
+    np.maximum(nearest, 0.0, out=nearest)
+    square = np.square(np.subtract(nearest, rel.real, out=nearest), out=nearest)
+    square += np.square(rel.imag)
     return peaks(square, head, span, row)
 
 
