@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from ..drawing.strokes import Texture
-from ..geometry.curves import owner
+from ..geometry.curves import blocks, owner
 
+CACHED_TEXELS = 1 << 17  # of strips that are measured at a time, so that they stay in cache
 ONE_INK = 0.02  # colours that differ less than this from their stroke's (rms, of 1) are one ink
 GRAIN = (
     0.05  # of the opacity, from one texel to the next along a stroke: what changes more is grain
@@ -51,30 +52,40 @@ class Inks:
 
 def inks(texture: Texture) -> Inks:
     """Measure the ink of every stroke's strip."""
-    count, own = len(texture.offsets) - 1, owner(texture.offsets)
-    alpha = texture.rgba[..., 3].astype(np.float32) / 255.0
+    offsets, even = np.asarray(texture.offsets), texture.opacities is not None  # frames are
+    parts = [Inks(np.zeros((0, 3)), *[np.zeros(0)] * 3)]
+    for few in blocks(offsets, CACHED_TEXELS // texture.rgba.shape[1]):
+        rows = offsets[few.start : few.stop + 1]
+        parts.append(_inks_of(texture.rgba[rows[0] : rows[-1]], rows - rows[0], even))
+    return Inks(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Inks)))
+
+
+def _inks_of(rgba: np.ndarray, offsets: np.ndarray, even: bool) -> Inks:
+    """The inks of a few strips; `even`: their rows may have one colour each throughout."""
+    count, own = len(offsets) - 1, owner(offsets)
+    alpha = rgba[..., 3].astype(np.float32) / 255.0
     dark = alpha.sum(axis=1)
     amount = np.bincount(own, dark, count)
     strength = np.square(alpha).sum(axis=1)
     total = np.maximum(np.bincount(own, strength, count), 1e-9)
     square = np.zeros(count)
     mean = np.zeros((count, 3))
-    even = texture.opacities is not None and _is_even(texture.rgba)  # as frames of one ink are
+    even = even and _is_even(rgba)
     for k in range(3):
         if even:
-            row = texture.rgba[:, 0, k] / 255.0
+            row = rgba[:, 0, k] / 255.0
             mean[:, k] = np.bincount(own, dark * row, count)
             mean[:, k] /= np.maximum(amount, 1e-9)
             square += np.bincount(own, strength * np.square(row - mean[own, k]), count)
             continue
-        channel = texture.rgba[..., k].astype(np.float32) / 255.0
+        channel = rgba[..., k].astype(np.float32) / 255.0
         mean[:, k] = np.bincount(own, (alpha * channel).sum(axis=1), count) / np.maximum(
             amount, 1e-9
         )
         off = alpha * (channel - mean[own, k].astype(np.float32)[:, None])
         square += np.bincount(own, np.square(off).sum(axis=1), count)
     change = np.abs(np.diff(alpha, axis=0)).sum(axis=1)
-    change[texture.offsets[1:-1] - 1] = 0.0
+    change[offsets[1:-1] - 1] = 0.0
     grain = np.bincount(own[:-1], change, count) / np.maximum(amount, 1e-9)
     return Inks(mean, np.sqrt(square / total), grain, amount)
 

@@ -303,14 +303,15 @@ def _partitioned(histogram: np.ndarray, count: int) -> np.ndarray:
 
 def _best_cuts(sums: _Sums, count: int) -> list[np.ndarray]:
     """For each part, the bin (C, COARSE_BINS + 1) where it best begins by the bin where it ends."""
-    n, m, q = (total[:, None, :] - total[:, :, None] for total in sums)
-    nothing = np.tri(COARSE_BINS + 1, k=-1, dtype=bool)
-    cost = np.where(nothing, np.inf, q - m * m / np.maximum(n, 1e-9))  # of bins i to j - 1
+    # by the bin where a part ends, then where it begins
+    n, m, q = (total[:, :, None] - total[:, None, :] for total in sums)
+    nothing = ~np.tri(COARSE_BINS + 1, dtype=bool)
+    cost = np.where(nothing, np.inf, q - m * m / np.maximum(n, 1e-9))
     best, cuts = sums.square, []
     for _ in range(count):
-        total = best[:, :, None] + cost
-        cuts.append(total.argmin(axis=1))
-        best = np.take_along_axis(total, cuts[-1][:, None], axis=1)[:, 0]
+        total = best[:, None, :] + cost
+        cuts.append(total.argmin(axis=2))
+        best = np.take_along_axis(total, cuts[-1][..., None], axis=2)[..., 0]
     return cuts
 
 
