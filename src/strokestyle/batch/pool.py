@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..files import clear_parts
+from ..geometry.threads import cores
 from .memory import MB, installed, resident
 from .outcome import Outcome
 from .plan import Job
@@ -336,14 +337,6 @@ def _environment(workers: int) -> dict[str, str]:
     """Share the cores among the workers, unless the person says how many threads they may have."""
     threads = str(max(1, cores() // max(1, workers)))
     return {"OMP_NUM_THREADS": threads, **os.environ}
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # macOS, Windows
-        return os.cpu_count() or 1
 
 
 def _cause(code: int) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .kinds import KINDS
+from .threads import each
 
 DEFAULT_SPACING = 3.0  # px between curve points, as in the code of Liu et al. 2021
 SAME_POINT = 1e-6  # px; nearer points are one
@@ -393,10 +394,13 @@ def simplify_all(xy: np.ndarray, offsets: np.ndarray, tolerance: float | np.ndar
     """
     slack = np.broadcast_to(np.asarray(tolerance, np.float64), (len(offsets) - 1,))
     keep = np.zeros(len(xy), bool)
-    for few in blocks(offsets, CACHED):
+
+    def thin(few: slice) -> None:
         begin, end = offsets[few.start], offsets[few.stop]
         own = np.asarray(offsets[few.start : few.stop + 1]) - begin
         keep[begin:end] = _simplified(xy[begin:end], own, slack[few])
+
+    each(thin, blocks(offsets, CACHED))
     return keep
 
 

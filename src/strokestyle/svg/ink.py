@@ -8,6 +8,7 @@ import numpy as np
 
 from ..drawing.strokes import Texture
 from ..geometry.curves import blocks, owner
+from ..geometry.threads import each
 
 CACHED_TEXELS = 1 << 17  # of strips that are measured at a time, so that they stay in cache
 ONE_INK = 0.02  # colours that differ less than this from their stroke's (rms, of 1) are one ink
@@ -53,10 +54,13 @@ class Inks:
 def inks(texture: Texture) -> Inks:
     """Measure the ink of every stroke's strip."""
     offsets, even = np.asarray(texture.offsets), texture.opacities is not None  # frames are
-    parts = [Inks(np.zeros((0, 3)), *[np.zeros(0)] * 3)]
-    for few in blocks(offsets, CACHED_TEXELS // texture.rgba.shape[1]):
+
+    def measured(few: slice) -> Inks:
         rows = offsets[few.start : few.stop + 1]
-        parts.append(_inks_of(texture.rgba[rows[0] : rows[-1]], rows - rows[0], even))
+        return _inks_of(texture.rgba[rows[0] : rows[-1]], rows - rows[0], even)
+
+    few = blocks(offsets, CACHED_TEXELS // texture.rgba.shape[1])
+    parts = [Inks(np.zeros((0, 3)), *[np.zeros(0)] * 3), *each(measured, few)]
     return Inks(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Inks)))
 
 

@@ -20,6 +20,7 @@ from ..drawing.ribbon import Ribbon, ribbon
 from ..drawing.strokes import Drawing
 from ..geometry.curves import CACHED, arc, blocks, counting, owner, simplify_all, take_ragged
 from ..geometry.polygons import areas, following, isolines
+from ..geometry.threads import each
 from .crossings import Groups, crossing_groups, separated_groups, united_groups
 from .format import TONE_UNIT
 from .ink import Inks, inks
@@ -123,11 +124,14 @@ def _contours(
 
     Strokes are taken some at a time, so that what is worked out of them stays in cache.
     """
-    parts = []
-    for few in blocks(strips, CACHED_TEXELS // alpha.shape[1]):
+
+    def contoured(few: slice) -> list[Contours]:
         rows = strips[few.start : few.stop + 1]
         own = alpha[rows[0] : rows[-1]], rows - rows[0], bands[few], threshold[few]
-        parts += [part._replace(stroke=part.stroke + few.start) for part in _contours_of(*own)]
+        return [part._replace(stroke=part.stroke + few.start) for part in _contours_of(*own)]
+
+    made = each(contoured, blocks(strips, CACHED_TEXELS // alpha.shape[1]))
+    parts = [part for some in made for part in some]
     shift = np.cumsum([0] + [len(part.xy) for part in parts])
     begins = [part.offsets[:-1] + a for part, a in zip(parts, shift, strict=False)]
     return Contours(
@@ -501,12 +505,13 @@ def _largest_first(area: np.ndarray, group: np.ndarray) -> np.ndarray:
 
 def _fitted(xy: np.ndarray, ends: np.ndarray, keep: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """What `fit_bsplines` gives, some contours at a time, so that they stay in cache."""
-    parts = [np.zeros((0, 2))]
-    for few in blocks(ends, CACHED):
+
+    def fit(few: slice) -> np.ndarray:
         own, kept = (every[few.start : few.stop + 1] for every in (ends, offsets))
         rows = slice(own[0], own[-1])
-        parts.append(fit_bsplines(xy[rows], own - own[0], keep[rows], kept - kept[0]))
-    return np.concatenate(parts)
+        return fit_bsplines(xy[rows], own - own[0], keep[rows], kept - kept[0])
+
+    return np.concatenate([np.zeros((0, 2)), *each(fit, blocks(ends, CACHED))])
 
 
 def fit_bsplines(

@@ -1,0 +1,42 @@
+"""Work that is shared by threads, where most of it is numpy's or zlib's, which let others run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Made = TypeVar("Made")
+
+
+def each(function: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
+    """Call a function on each of some items, in as many threads as `threads` says.
+
+    What it gives lies in the order of the items, so how many threads there are changes nothing.
+    Raises what the function raises.
+    """
+    items = list(items)
+    count = min(threads(), len(items))
+    if count < 2:
+        return [function(item) for item in items]
+    with ThreadPoolExecutor(count) as pool:
+        return list(pool.map(function, items))
+
+
+def threads() -> int:
+    """Say how many threads may compute at a time: OMP_NUM_THREADS where it is set, else `cores`.
+
+    The workers of a batch have it set, so that they share the cores.
+    """
+    said = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    return max(1, int(said)) if said.isdecimal() else cores()
+
+
+def cores() -> int:
+    """Count the cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # macOS, Windows
+        return os.cpu_count() or 1
