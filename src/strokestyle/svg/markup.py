@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
+
+KEPT = 1024  # whole numbers below it, whose texts are kept
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,28 @@ def units(values: np.ndarray, decimals: int) -> np.ndarray:
 
 def numbers(values: np.ndarray, decimals: int) -> list[str]:
     """Whole numbers of 10^-decimals -> text, flat."""
-    return [_units_text(value, decimals) for value in values.ravel().tolist()]
+    return list(map(_texts(decimals).__getitem__, values.ravel().tolist()))
+
+
+class _Texts(dict[int, str]):
+    """The texts that `number` gives of whole numbers of 10^-decimals.
+
+    Those of small ones are kept: most numbers of a path are steps from point to point.
+    """
+
+    def __init__(self, decimals: int) -> None:
+        self.decimals = decimals
+
+    def __missing__(self, value: int) -> str:
+        text = _units_text(value, self.decimals)
+        if abs(value) < KEPT:
+            self[value] = text
+        return text
+
+
+@functools.cache  # there are a few numbers of decimals
+def _texts(decimals: int) -> _Texts:
+    return _Texts(decimals)
 
 
 def _units_text(value: int, decimals: int) -> str:
