@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from stroke_zoo import stroke
 
-from strokestyle.drawing.strokes import Drawing, Strokes, Texture, signed_distance
+from strokestyle.drawing.strokes import (
+    Drawing,
+    Strokes,
+    Texture,
+    round_cone_distance,
+    signed_distance,
+    stroke_segments,
+)
 
 
 def test_signed_distance_of_a_round_cone():
@@ -78,3 +85,16 @@ def test_a_texture_has_a_margin_for_each_strip():
     ):
         with pytest.raises(ValueError, match=message):
             Texture(np.zeros((4, 6, 4), np.uint8), [0, 1, 4], margin)
+
+
+@pytest.mark.parametrize("step", [0.01, 1.0, 5.0])
+def test_the_distance_to_a_stroke_is_that_to_the_nearest_of_all_its_segments(step):
+    random = np.random.default_rng(int(step))
+    for growth in (0.1, 2.0, 20.0):
+        xy = 1e4 + np.cumsum(random.normal(0, step, (40, 2)), axis=0)
+        radius = np.abs(random.normal(2, growth, 40))
+        points = 1e4 + random.uniform(-30, 30, (300, 2))
+        cones = stroke_segments(xy, radius, np.arange(39))
+        every = round_cone_distance(points[:, None] - xy[None, :-1], *cones).min(axis=1)
+        assert np.array_equal(signed_distance(xy, radius, points), every)
+    assert signed_distance(xy, radius, points[:0]).shape == (0,)

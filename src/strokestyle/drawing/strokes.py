@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry.curves import KINDS, arc_length, check_offsets
+from ..geometry.curves import CACHED, KINDS, arc_length, check_offsets
 from ..geometry.kinds import PRIORITY
 from ..geometry.parts import Parts
 
@@ -253,7 +253,8 @@ def signed_distance(xy: np.ndarray, radius: np.ndarray, points: np.ndarray) -> n
 
     A stroke is the union of the discs along its centre line, with the radius linear along each
     segment; a segment is then a round cone, the convex hull of its two end discs. Every point is
-    compared with every segment: this is the reference that faster ways are tested against.
+    compared with every segment that may be nearest: this is the reference that faster ways are
+    tested against.
 
     Parameters
     ----------
@@ -264,13 +265,26 @@ def signed_distance(xy: np.ndarray, radius: np.ndarray, points: np.ndarray) -> n
     xy, radius = merge_coincident_points(np.asarray(xy, np.float64), np.asarray(radius, np.float64))
     if len(xy) == 1:
         return np.linalg.norm(points - xy[0], axis=1) - radius[0]
-    nearest = np.full(len(points), np.inf)
-    block = max(1, 2_000_000 // len(xy))
-    cones = stroke_segments(xy, radius, np.arange(len(xy) - 1))
-    for a in range(0, len(points), block):
-        rel = points[a : a + block, None] - xy[None, :-1]
-        nearest[a : a + block] = round_cone_distance(rel, *cones).min(axis=1)
-    return nearest
+    block = max(1, CACHED // len(xy))
+    parts = [points[a : a + block] for a in range(0, len(points), block)]
+    return np.concatenate([np.zeros(0), *(_block_distance(xy, radius, part) for part in parts)])
+
+
+def _block_distance(xy: np.ndarray, radius: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """`signed_distance` of a few points (M, 2), from the segments that may be nearest to each."""
+    at = xy - xy.mean(axis=0)
+    middle, rel = 0.5 * (at[1:] + at[:-1]), points - xy.mean(axis=0)
+    square = np.square(middle).sum(axis=1) - 2.0 * rel @ middle.T
+    square += np.square(rel).sum(axis=1, keepdims=True)
+    # the disc in the middle of a segment is in it, and no disc of it reaches farther than `more`
+    away = np.sqrt(np.maximum(square, 0.0, out=square), out=square)
+    away -= 0.5 * (radius[1:] + radius[:-1])
+    more = 0.5 * np.hypot(*np.diff(xy, axis=0).T) + 0.5 * np.abs(np.diff(radius))
+    most = away.min(axis=1, keepdims=True) + 1e-6 * max(np.abs(rel).max(), np.abs(at).max())
+    point, segment = np.divmod(np.flatnonzero(away - more <= most), len(more))
+    cones = stroke_segments(xy, radius, segment)
+    distance = round_cone_distance(points[point] - xy[segment], *cones)
+    return np.minimum.reduceat(distance, np.searchsorted(point, np.arange(len(points))))
 
 
 def stroke_segments(
