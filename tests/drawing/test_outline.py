@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from stroke_zoo import stroke, together, zoo
 
-from strokestyle.drawing.outline import exact_rings, outlines
+from strokestyle.drawing.outline import _same_points, exact_rings, outlines
 from strokestyle.drawing.strokes import Strokes, signed_distance
 from strokestyle.geometry.bezier import fit_cubics
 from strokestyle.geometry.polygons import areas, winding_number
@@ -219,3 +219,13 @@ def test_outline_needs_a_tolerance():
 
 def test_without_strokes_there_are_no_outlines():
     assert outlines(Strokes(np.zeros((0, 2)), [], [0], [], [])) == []
+
+
+def test_the_same_points_are_found_again():
+    random = np.random.default_rng(0)
+    among = random.integers(0, 20, (300, 2)) * 1.0  # many have the same x
+    among, first = np.unique(among, axis=0)[::-1], np.arange(40)
+    points = np.concatenate([among[first] + random.uniform(-5e-7, 5e-7, (40, 2)), among + 1e-5])
+    assert np.array_equal(_same_points(points, among)[:40], first)
+    assert (_same_points(points, among)[40:] == len(among)).all()
+    assert _same_points(points[:0], among).shape == (0,)
