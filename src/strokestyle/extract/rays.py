@@ -158,14 +158,17 @@ class Bvh:
         width, above = np.zeros(len(face)), np.zeros((len(face), 3))
         width[smooth] = self._widths[face[smooth]]
         # of the whole face: enough for a lift
-        above[smooth] = unit_rows(self.normals[self.faces[face[smooth]]].sum(axis=1))
+        one, two, three = (self.normals.take(c, axis=0) for c in self.faces[face[smooth]].T)
+        above[smooth] = unit_rows(one + two + three)
         if side is not None:
             above *= np.asarray(side, np.float64)[:, None]
 
         def near_itself(k: np.ndarray, hit: np.ndarray, gap: np.ndarray) -> np.ndarray:
-            touches = self.faces[hit][:, :, None] == self.faces[face[k]][:, None, :]
+            own, touches = self.faces[face[k]].T, np.zeros(len(k), bool)
+            for corner in self.faces[hit].T:
+                touches |= (corner == own[0]) | (corner == own[1]) | (corner == own[2])
             near = gap < NEAR * width[k] * self._scale
-            return ~sharp[k] & touches.any(axis=(1, 2)) & near
+            return ~sharp[k] & touches & near
 
         result = self._reached(eye, position + above * (LIFT * width)[:, None], near_itself)
         if self.component is not None:
