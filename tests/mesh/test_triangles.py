@@ -14,6 +14,7 @@ from strokestyle.mesh.triangles import (
     column_dot,
     columns,
     dots_at,
+    pair_key,
     row_dot,
 )
 
@@ -129,3 +130,9 @@ def test_edges_of_a_mesh_cut_open_are_those_of_its_sides(name):
     assert sorted(map(tuple, ends)) == sorted(map(tuple, own.ends))
     assert (np.diff(ends[:, 0]) >= 0).all() and ends.dtype == np.int32
     assert np.array_equal(rim, own.rim)
+
+
+def test_keys_of_edges_do_not_overflow():
+    """Edges name vertices in 32 bits; so many vertices are too many for those of a pair."""
+    count, pair = 70_000, np.array([[69_998, 69_999], [0, 69_999]], np.int32)
+    assert pair_key(count, *pair.T).tolist() == [69_998 * count + 69_999, 69_999]

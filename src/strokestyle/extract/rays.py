@@ -79,17 +79,24 @@ class Bvh:
         return np.ascontiguousarray((points - self._centre) * self._scale, dtype=np.float32)
 
     @cached_property
-    def _widths(self) -> np.ndarray:
-        """The widths of all faces (F,): the mean edge, at most three times the height there.
+    def _known_shapes(self) -> FaceShapes:
+        return self._shapes or FaceShapes.of(self.vertices, self.faces)
+
+    @cached_property
+    def _heights(self) -> np.ndarray:
+        """The mean height of the faces round each vertex, (V,)."""
+        height = self._known_shapes.area / np.maximum(self._known_shapes.longest, 1e-300)
+        return mean_around(self.faces, height, len(self.vertices))
+
+    def _widths(self, face: np.ndarray) -> np.ndarray:
+        """Measure the widths of faces (N,): the mean edge, at most three times the height there.
 
         The height is the mean of the faces at a corner, of the corner where it is most: slivers
         among better faces count as these.
         """
-        shapes = self._shapes or FaceShapes.of(self.vertices, self.faces)
-        height = shapes.area / np.maximum(shapes.longest, 1e-300)
-        mean = mean_around(self.faces, height, len(self.vertices))
-        most = np.maximum.reduce([mean[corner] for corner in self.faces.T])
-        return np.minimum(shapes.mean_side, 3.0 * most)
+        one, two, three = (self._heights[corner] for corner in self.faces[face].T)
+        most = np.maximum(np.maximum(one, two), three)
+        return np.minimum(self._known_shapes.mean_side[face], 3.0 * most)
 
     def _run(self, origins: np.ndarray, directions: np.ndarray) -> FirstHits:
         """Trace rays (N, 3) in embree's own units; distances are in lengths of the directions."""
@@ -156,7 +163,7 @@ class Bvh:
         eye = np.asarray(eye, np.float64)
         smooth = np.flatnonzero(~sharp)
         width, above = np.zeros(len(face)), np.zeros((len(face), 3))
-        width[smooth] = self._widths[face[smooth]]
+        width[smooth] = self._widths(face[smooth])
         # of the whole face: enough for a lift
         one, two, three = (self.normals.take(c, axis=0) for c in self.faces[face[smooth]].T)
         above[smooth] = unit_rows(one + two + three)

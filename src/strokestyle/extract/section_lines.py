@@ -13,7 +13,7 @@ import numpy as np
 from ..geometry.curves import counting, owner, runs
 from ..mesh.planes import Plane
 from ..mesh.surface import Section, Surface
-from ..mesh.triangles import row_dot
+from ..mesh.triangles import pair_key, row_dot
 from .chain import chain_segments
 from .segments import edge_segments
 from .surface_curves import SurfaceCurves
@@ -129,8 +129,8 @@ def _rim_of_whole(surface: Surface, section: Section) -> np.ndarray:
     ends = section.origin[surface.edges[section.rim]]
     ends = np.sort(whole.weld[ends[(ends >= 0).all(axis=1)]], axis=1)
     count = len(whole.vertices)
-    key = whole.edges[:, 0] * count + whole.edges[:, 1]
-    wanted = ends[:, 0] * count + ends[:, 1]
+    key = pair_key(count, *whole.edges.T)
+    wanted = pair_key(count, *ends.T)
     at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
     return at[key[at] == wanted]
 

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import KINDS
 from ..mesh.surface import Surface
-from ..mesh.triangles import all_corners, any_corner, bounds, row_dot
+from ..mesh.triangles import all_corners, any_corner, bounds, pair_key, row_dot
 from .face_shapes import FaceShapes
 from .intersections import TOUCH, crossings
 from .line_options import LineOptions
@@ -125,7 +125,7 @@ def _crossed_faces(
 
 def _edge_name(surface: Surface, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Name the point of a line on the edge between vertices a and b, one side of it where cut."""
-    return np.minimum(a, b) * len(surface.vertices) + np.maximum(a, b)
+    return pair_key(len(surface.vertices), np.minimum(a, b), np.maximum(a, b))
 
 
 def _first_free_name(surface: Surface) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 
 from .cut_mesh import CutMesh, Rim
 from .planes import Plane
+from .triangles import pair_key
 
 
 class RimEdges(NamedTuple):
@@ -83,7 +84,7 @@ def _marked_rim(mesh: CutMesh, sides: Rim) -> RimEdges:
 
 def _unbalanced(edges: RimEdges, count: int) -> np.ndarray:
     """Find the bodies whose edges do not lead out of each place as often as into it."""
-    at = np.concatenate([edges.body * count + edges.tail, edges.body * count + edges.head])
+    at = np.concatenate([pair_key(count, edges.body, at) for at in (edges.tail, edges.head)])
     place, inverse = np.unique(at, return_inverse=True)
     net = np.bincount(inverse, np.repeat([1, -1], len(edges.tail)), len(place))
     return np.unique(place[net != 0] // count)
@@ -119,7 +120,7 @@ def _loops(edges: RimEdges, places: np.ndarray) -> tuple[list[np.ndarray], np.nd
 def _following(edges: RimEdges, places: np.ndarray) -> np.ndarray:
     """Find the edge that follows each, (R,), so that loops may touch but do not cross."""
     count = len(places)
-    tail, head = (edges.body * count + at for at in (edges.tail, edges.head))
+    tail, head = (pair_key(count, edges.body, at) for at in (edges.tail, edges.head))
     order = np.argsort(tail, kind="stable")
     first = np.searchsorted(tail[order], head)
     degree = np.searchsorted(tail[order], head, side="right") - first

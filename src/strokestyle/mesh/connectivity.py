@@ -70,10 +70,10 @@ class Connectivity:
         """The edges of the mesh as it is cut open, vertices at one place being several: the ends
         (E', 2) of all, sorted, and the vertices (R,) on boundaries."""
         if self.is_uncut:
-            return self.edges.ends.astype(np.int32, order="F"), self.edges.rim
+            return self.edges.ends, self.edges.rim
         if (self.edges.uses > 2).any():
             own = Edges.of(self.faces, len(self.vertices))
-            return own.ends.astype(np.int32, order="F"), own.rim
+            return own.ends, own.rim
         return self._ends_of_sides()
 
     def _ends_of_sides(self) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from itertools import combinations
 from typing import NamedTuple
@@ -100,9 +101,10 @@ class Curvature:
             for column, part in zip(form, found, strict=True):
                 column[new] = part[new]
             return form
+        del form
+        vars(self).pop("_formed")
         form = _vertex_forms(self._mesh)
         if self.blur is not None:
-            self._mesh.put_away()  # smoothing takes the most memory, and none of that
             blur, self.blur = self.blur, None
             form = _blurred(blur, form, columns(self.normals), self._mesh.precision)
         self._formed = known, form
@@ -266,29 +268,20 @@ class _PlacedFaces:
         self.vertices, self.faces, self.normals, self.rtsc = vertices, faces, normals, rtsc
         self.precision = np.dtype(np.float32 if len(faces) >= MANY and not rtsc else np.float64)
 
-    @cached_property
-    def points(self) -> np.ndarray:
-        """(3, V), the vertices by columns."""
-        return columns(self.vertices)
-
-    @cached_property
-    def axes(self) -> np.ndarray:
-        """(3, V), the normals by columns."""
-        return columns(self.normals)
-
-    def put_away(self) -> None:
-        """Forget the columns, which are soon laid out again."""
-        for name in ("points", "axes"):
-            vars(self).pop(name, None)
-
     def round(self, vertices: np.ndarray) -> np.ndarray:
         """Find the faces round vertices of a mask (V,): indices."""
         return np.flatnonzero(any_corner(self.faces, vertices))
 
-    def placed(self, corner: np.ndarray) -> tuple[_FlatFaces, Columns]:
-        """Lay faces (3, N) flat; also the normals at their corners, (3, N) by axis."""
-        flat = _FlatFaces.of([axis.take(corner) for axis in self.points], self.precision)
-        return flat, [axis.take(corner) for axis in self.axes]
+    def placing(self) -> Callable[[np.ndarray], tuple[_FlatFaces, Columns]]:
+        """Make the function that lays faces (3, N) flat, and gives the normals at their corners,
+        (3, N) by axis."""
+        points, axes = columns(self.vertices), columns(self.normals)
+
+        def placed(corner: np.ndarray) -> tuple[_FlatFaces, Columns]:
+            flat = _FlatFaces.of([axis.take(corner) for axis in points], self.precision)
+            return flat, [axis.take(corner) for axis in axes]
+
+        return placed
 
 
 class _FlatFaces(NamedTuple):
@@ -449,9 +442,10 @@ def _vertex_forms(mesh: _PlacedFaces, some: np.ndarray | None = None) -> Forms:
 
     `some` : those faces alone, an index; by default all
     """
+    placed = mesh.placing()
 
     def measure(corner: np.ndarray) -> list[np.ndarray]:
-        flat, normal = mesh.placed(corner)
+        flat, normal = placed(corner)
         frame = _Frames.of(flat, normal)
         mean, deviator = _forms(flat, normal, mesh.rtsc)
         turned = deviator * (frame.turn * frame.turn * frame.weight)
@@ -541,9 +535,10 @@ def _vertex_derivatives(
     Of the faces round them, an index `some`. They are seen in the vertices' own frames: `_along`
     turns them.
     """
+    placed = mesh.placing()
 
     def measure(corner: np.ndarray) -> list[np.ndarray]:
-        flat, normal = mesh.placed(corner)
+        flat, normal = placed(corner)
         frame = _Frames.of(flat, normal)
         one, three = _derivatives(flat, frame, form.mean.take(corner), form.deviator.take(corner))
         return [one.real, one.imag, three.real, three.imag]

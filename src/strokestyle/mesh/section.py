@@ -14,7 +14,7 @@ from .hollows import with_hollows
 from .messages import warn
 from .planes import AXES, Plane, SectionPlane
 from .surface import Section, Surface
-from .triangles import unit_rows
+from .triangles import pair_key, unit_rows
 
 
 def cut_open(
@@ -205,11 +205,11 @@ def _with_crossings(
     # ends in the order of their places, so that vertices of both sides of a crease come out alike
     swap = mesh.weld[pairs[:, 0]] > mesh.weld[pairs[:, 1]]
     pairs[swap] = pairs[swap, ::-1]
-    key, inverse = np.unique(pairs[crossing, 0] * count + pairs[crossing, 1], return_inverse=True)
+    key, inverse = np.unique(pair_key(count, *pairs[crossing].T), return_inverse=True)
     found[crossing] = count + inverse
     a, b = np.divmod(key, count)
     _, first, place = np.unique(
-        mesh.weld[a] * count + mesh.weld[b], return_index=True, return_inverse=True
+        pair_key(count, mesh.weld[a], mesh.weld[b]), return_index=True, return_inverse=True
     )
     t = height[a] / (height[a] - height[b])
     added = _between(mesh.at, a, b, t)

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from ..geometry.curves import counting, runs
 from .soup import Soup
-from .triangles import TINY, Edges, all_corners, clashes, dots_at, row_dot, unit_rows
+from .triangles import TINY, Edges, all_corners, clashes, dots_at, pair_key, row_dot, unit_rows
 from .weld import CRACK, DETAIL, shortest_sides
 
 ROUNDS = 8  # of stitching: each splits one side of a face
@@ -212,7 +212,7 @@ def _on_sides(points: np.ndarray, faces: np.ndarray, edges: Edges, rim: np.ndarr
         good[good] = ways.lead_along(vertex[good], along[good])
         found.append(_stitches(faces, edges, rim[row[good]], vertex[good], t[good]))
     side, vertex, t = (np.concatenate(column) for column in zip(*found, strict=True))
-    once = np.unique(side * len(points) + vertex, return_index=True)[1]
+    once = np.unique(pair_key(len(points), side, vertex), return_index=True)[1]
     return Stitches(side[once], vertex[once], t[once])
 
 

@@ -185,6 +185,14 @@ def columns(rows: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(rows.T)
 
 
+def pair_key(count: int, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Number pairs of indices (N,), `b` below `count`, each pair differently: (N,) int64.
+
+    Indices may be of 32 bits, as those of edges are; products of them are not.
+    """
+    return a.astype(np.int64, copy=False) * count + b
+
+
 def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the least and the greatest of each coordinate of points (N, k), (k,) each.
 
@@ -279,11 +287,11 @@ class Edges:
 
     Parameters
     ----------
-    ends : (E, 2) int64, the vertices of each edge, the lower index first; edges are sorted
-    of_side : (F, 3) int64, the edge of each side of each face
-    uses : (E,) int64, how many sides are this edge: 1 on a boundary, 2 inside, more where the mesh
+    ends : (E, 2) int32, the vertices of each edge, the lower index first; edges are sorted
+    of_side : (F, 3) int32, the edge of each side of each face
+    uses : (E,) int32, how many sides are this edge: 1 on a boundary, 2 inside, more where the mesh
         is not a manifold
-    sides : (E, 2) int64, the first two of them, side i of face f as 3 f + i; -1 where there is no
+    sides : (E, 2) int32, the first two of them, side i of face f as 3 f + i; -1 where there is no
         second
     """
 
@@ -298,14 +306,13 @@ class Edges:
         start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
         low, high, order = _sorted_sides(np.minimum(start, end), np.maximum(start, end), count)
         starts = runs(low, high)
-        first, uses = starts[:-1], np.diff(starts)
-        one = order[first].astype(np.int64)
-        two = order[np.minimum(first + 1, len(order) - 1)].astype(np.int64)
+        first, uses = starts[:-1], np.diff(starts).astype(np.int32)
+        one, two = order[first], order[np.minimum(first + 1, len(order) - 1)]
         two[uses == 1] = -1
-        of_side = np.empty(len(order), np.int64)
-        of_side[order] = np.repeat(np.arange(len(first)), uses)
+        of_side = np.empty(len(order), np.int32)
+        of_side[order] = np.repeat(np.arange(len(first), dtype=np.int32), uses)
         # columns lie one after the other in memory: most is done by columns
-        ends = np.stack([low[first], high[first]], dtype=np.int64).T
+        ends = np.stack([low[first], high[first]]).T
         return cls(ends, of_side.reshape(faces.shape), uses, np.stack([one, two]).T)
 
     def __len__(self) -> int:
@@ -324,7 +331,7 @@ class Edges:
     @cached_property
     def beyond(self) -> np.ndarray:
         """(F, 3), the side of another face that each side is shared with; -1 but where two meet."""
-        beyond = np.full(self.of_side.size, -1)
+        beyond = np.full(self.of_side.size, -1, np.int32)
         one, two = self.sides[self.uses == 2].T
         beyond[one], beyond[two] = two, one
         return beyond.reshape(-1, 3)
@@ -356,7 +363,7 @@ class Edges:
             edge = self.of_side.ravel()[many]
             pair = np.concatenate([pair, np.stack([many // 3, self.faces[edge, 0]], axis=1)])
         links = coo_matrix((np.ones(len(pair), np.int8), pair.T), shape=(count, count))
-        return connected_components(links, directed=False)[1].astype(np.int64)
+        return connected_components(links, directed=False)[1]
 
 
 def _sorted_sides(

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from .soup import Soup
-from .triangles import Edges, all_corners, row_dot
+from .triangles import Edges, all_corners, pair_key, row_dot
 
 # Of the longest side: boundary vertices nearer than this are one, where the mesh is not finer
 # still. A place rounded twice, each coordinate by up to 1e-5, is 3.5e-5 from itself.
@@ -134,7 +134,7 @@ def _of_two_bodies(faces: np.ndarray, twins: np.ndarray, among: np.ndarray) -> n
     count = int(faces.max()) + 1
     edges, sheets = Edges.of(faces[among], count), Edges.of(faces[twins], count)
     end = np.flatnonzero(sheets.uses == 1)
-    keys = (ends[:, 0] * count + ends[:, 1] for ends in (edges.ends, sheets.ends[end]))
+    keys = (pair_key(count, *ends.T) for ends in (edges.ends, sheets.ends[end]))
     uses = edges.uses[np.searchsorted(*keys)]
     sheet = sheets.component[sheets.faces[end, 0]]
     shared = np.zeros(sheets.component.max() + 1, bool)
