@@ -21,6 +21,7 @@ from ..drawing.strip import wider
 from ..drawing.strokes import Drawing, Strokes, Texture, signed_distance
 from ..files import limited, quoted
 from ..geometry.parts import Parts
+from .clones import write_out_clones
 from .format import LICENSES, LIMITS, Data, SvgOptions
 from .kept import Kept, keep_strokes
 from .path_data import NUMBER, page_length, parse_numbers
@@ -109,7 +110,7 @@ def count_strokes(data: bytes) -> int:
 
 
 def _read(data: bytes) -> SvgFile:
-    data = limited(data)
+    data = write_out_clones(limited(data))
     found = ElementReader()
     found.read(data)
     if not (found.strokes or found.hidden):
