@@ -250,12 +250,16 @@ def fit_quick(
     pulled = _pulled(view, seen, traced)
     strokes, rows = pulled.traced.strokes(pulled.training.planned)
 
+    with_texture = config.texture and len(strokes) > 0
+
     def lawful() -> Style:
         law = learn_law(pulled.training, pulled.found, seen.alignment.free, config, seed, report)
+        if with_texture:  # it is what is waited for now
+            report("texture", 0, 1, {})
         return _style(seen, pulled, law, config)
 
     def textured() -> TextureBank | None:
-        if not (config.texture and len(strokes)):
+        if not with_texture:
             return None
         features = pulled.training.features[rows].astype(np.float64)
         return learn_texture(strokes, features, seen.exemplar, seed)
