@@ -146,13 +146,14 @@ def _key(
 ) -> dict[str, str]:
     """What a checkpoint must have in common with a fit that is to go on from it."""
     curves, maps = view.curves, view.maps
-    shape = (curves.xy, curves.offsets, curves.kind, curves.closed, maps.values, maps.covered)
-    scale = () if maps.scale is None else (maps.scale,)
+    shape = (curves.xy, curves.offsets, curves.kind, curves.closed, maps.covered)
+    # where these two are the same, so are the other maps, which may not have been worked out
+    seen = [maps[name] for name in ("depth", "n_dot_v")]
     return {
         "strokestyle": __version__,
         "preset": config.preset,
         "seed": str(seed),
         "drawing": digest(exemplar.rgb, exemplar.alpha, exemplar.ink, exemplar.mask),
-        "shape, view or lines": digest(*shape, *scale),
+        "shape, view or lines": digest(*shape, *seen),
         "setting of the preset": repr(config),
     }
