@@ -115,15 +115,17 @@ def fit(
             "try another --view"
         )
     from ..fit.exemplar import load_exemplar
+    from ..fit.threads import at_once
 
     with timed("read the drawing"), told_warnings():
         size = view.camera.width, view.camera.height
-        exemplar, note = load_exemplar(drawing, *size, view.curves.xy[view.required], layer)
+        required = view.curves.xy[view.required]
+        read, _ = at_once(lambda: load_exemplar(drawing, *size, required, layer), import_ahead)
+        exemplar, note = read
     if note:
         say(f"{drawing}: {note}")
     from ..fit.checkpoint import Checkpoint
     from ..fit.report import account, fit_report
-    from ..fit.threads import at_once
     from ..fit.train import PRESETS, fit_drawing
     from ..render.style_file import save_style
 
@@ -166,6 +168,12 @@ def fit(
         told = {"drawing": drawing, "shape": shape, "preset": preset, "files": [output, picture]}
         told |= {"lines": about["lines"], "lines_drawn": about["lines_drawn"]}
         print_json({**told, "seconds": round(seconds, 3)})
+
+
+def import_ahead() -> None:
+    """Import what a fit needs once its drawing is read."""
+    from ..fit import report, train  # noqa: F401
+    from ..render import style_file  # noqa: F401
 
 
 def drawn_lines(about: dict[str, Any], chose: bool = True) -> str:
