@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.curves import arc, blurred
+from ..geometry.near import near_pairs
 from .strokes import SAME_POINT, Strokes, merge_coincident_points
 
 STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
@@ -121,15 +122,13 @@ def overlaps(band: Ribbon, margin: float) -> bool:
     band : Ribbon
     margin : px of its half width that hold no ink
     """
-    from scipy.spatial import cKDTree  # takes .25 s to import, and few strokes come so far
-
     step = max(1.0, 0.4 * float(band.half.min()))
     s = np.linspace(0.0, band.length, max(3, int(np.ceil(band.length / step)) + 1))
     xy = np.stack([np.interp(s, band.along, column) for column in band.xy.T], axis=1)
     half = np.interp(s, band.along, band.half)
     if band.length * half.mean() > 4.0 * np.prod(np.ptp(xy, axis=0) + 2.0 * half.max()):
         return True  # its area is larger than its box allows without overlap
-    i, j = cKDTree(xy).query_pairs(2.0 * half.max(), output_type="ndarray").T
+    i, j = near_pairs(xy, 2.0 * half.max()).T
     apart = s[j] - s[i]
     if band.closed:
         apart = np.minimum(apart, band.length - apart)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..geometry.curves import owner, runs
 from ..mesh.surface import Surface
@@ -120,6 +119,8 @@ def _join_many(ends: np.ndarray, direction: np.ndarray, mate: np.ndarray) -> Non
     Each is asked for the few that are straightest, not for all: E^2 would not do at the tip of a
     fan. `direction` (E, 3) points from each end into its segment.
     """
+    from scipy.spatial import cKDTree  # takes .1 s to import
+
     free = np.arange(len(ends))
     while len(free) > 1:
         few = min(FEW, len(free))

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+
+from ..geometry.near import linked_groups
 
 TOUCH = 1e-6  # of the longest side: corners nearer than this to a face's plane lie in it
 # Sine of the angle between two faces; below it they lie on each other, and cross anywhere.
@@ -73,9 +72,10 @@ def crossings(vertices: np.ndarray, faces: np.ndarray, group: np.ndarray) -> Cro
 
 def _places(points: np.ndarray) -> np.ndarray:
     """Number points (N, 3) so that those nearer than TOUCH to each other share a number, (N,)."""
+    from scipy.spatial import cKDTree  # takes .1 s to import
+
     near = cKDTree(points).query_pairs(TOUCH, output_type="ndarray")
-    links = coo_matrix((np.ones(len(near), np.int8), near.T), shape=(len(points), len(points)))
-    return connected_components(links, directed=False)[1]
+    return linked_groups(near.T, len(points))
 
 
 class BoxLevel(NamedTuple):

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import KINDS
+from ..geometry.near import linked_groups
 from ..mesh.surface import Surface
 from ..mesh.triangles import all_corners, any_corner, bounds, pair_key, row_dot
 from .face_shapes import FaceShapes
@@ -859,8 +858,7 @@ def _linked_to(node: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     if not len(node):
         return wanted
     count = int(node.max()) + 1
-    links = coo_matrix((np.ones(len(node), np.int8), node.T), shape=(count, count))
-    label = connected_components(links, directed=False)[1][node[:, 0]]
+    label = linked_groups(node.T, count)[node[:, 0]]
     return np.isin(label, label[wanted])
 
 

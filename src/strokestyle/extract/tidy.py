@@ -19,7 +19,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..geometry.curves import Curves
 from .tidy_drop import drop
@@ -178,6 +177,8 @@ def subtract_parallel(
         return curves, np.arange(len(curves.xy))
     lines, drawn = (evenly(c, unit, np.ones(len(c.xy)), find_nodes(c)) for c in (curves, others))
     if len(lines) and len(drawn):
+        from scipy.spatial import cKDTree  # takes .1 s to import
+
         distance, nearest = cKDTree(drawn.xy).query(lines.xy, distance_upper_bound=options.merge)
         near = distance < np.inf
         nearest = np.where(near, nearest, 0)

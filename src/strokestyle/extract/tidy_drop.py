@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from ..geometry.near import count_near
 from .tidy_lines import SOFT, STEP, Lines, Numbers, loose_creases, near_others, short_creases
 
 # px
@@ -37,10 +37,7 @@ def _clutter(lines: Lines, short: np.ndarray, asked: np.ndarray, options: Number
     """
     of, radius = lines.of, CLUTTER_RADIUS * options.growth
     rows, probe = np.flatnonzero(short[of]), np.flatnonzero(asked[of])[:: 3 * options.steps]
-    if not len(rows) or not len(probe):
-        return np.zeros(len(lines))
-    tree = cKDTree(lines.xy[rows])
-    count = tree.query_ball_point(lines.xy[probe], radius, return_length=True) * STEP
+    count = count_near(lines.xy[rows], lines.xy[probe], radius) * STEP
     hits = np.bincount(of[probe], minlength=len(lines))
     mean = np.bincount(of[probe], count, len(lines)) / np.maximum(hits, 1)
     own = np.where(short, np.minimum(lines.length, radius), 0.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..geometry.curves import KINDS, counting
+from ..geometry.near import nearest_points
 from .tidy_lines import CONTOUR, SOFT, Lines, Numbers, ends_of, even, near_others
 
 # Lengths in px, angles in degrees.
@@ -134,10 +134,7 @@ def _in_own_lengths(
 
 def _pairs_within(xy: np.ndarray, reach: float) -> np.ndarray:
     """Pair points (N, 2) within `reach` of each other, each with at most MAX_NEAR, (2, P) rows."""
-    near = min(MAX_NEAR + 1, len(xy))
-    distance, other = cKDTree(xy).query(xy, k=near, distance_upper_bound=reach)
-    here, k = np.nonzero(np.reshape(distance < np.inf, (len(xy), near)))
-    there = np.reshape(other, (len(xy), near))[here, k]
+    here, there = nearest_points(xy, xy, reach, MAX_NEAR + 1)
     other = here != there
     pair = np.minimum(here, there)[other] * len(xy) + np.maximum(here, there)[other]
     return np.stack(np.divmod(np.unique(pair), len(xy)))
@@ -210,14 +207,13 @@ def _clear(lines: Lines, pairs: _EndPairs, options: Numbers) -> np.ndarray:
         return clear
     tip, _ = ends_of(lines)
     start, stop = tip[pairs.a[long]], tip[pairs.b[long]]
-    tree, of = cKDTree(lines.xy[hard]), lines.of[hard]
+    of = lines.of[hard]
     t = np.linspace(0.0, 1.0, 13 * options.steps + 1)[1:-1]
     probe = start[:, None] + t[:, None] * (stop - start)[:, None]
-    _, nearest = tree.query(probe.reshape(-1, 2), k=1, distance_upper_bound=CROSSING)
-    found = nearest < len(of)
-    other = np.where(found, of[np.minimum(nearest, len(of) - 1)], -1).reshape(len(long), -1)
-    own = (other == pairs.curve_a[long, None]) | (other == pairs.curve_b[long, None])
-    clear[long] = ~((other >= 0) & ~own).any(axis=1)
+    asking, nearest = nearest_points(lines.xy[hard], probe.reshape(-1, 2), CROSSING)
+    bridge, other = long[asking // len(t)], of[nearest]
+    own = (other == pairs.curve_a[bridge]) | (other == pairs.curve_b[bridge])
+    clear[bridge[~own]] = False
     return clear
 
 

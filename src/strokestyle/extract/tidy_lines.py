@@ -6,10 +6,10 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..geometry.curves import KINDS, Curves, arc_length, owner, resample, take_ragged
 from ..geometry.kinds import KIND_TABLE
+from ..geometry.near import nearest_points
 
 STEP = 1.0  # px between points while at work, and in the result
 LOOSE = 2.5  # px; an end farther from any line is loose
@@ -137,11 +137,6 @@ class Lines:
         """Measure the arc length of each curve, (C,), px."""
         return arc_length(self.xy, self.offsets)[self.last]
 
-    @cached_property
-    def tree(self) -> cKDTree:
-        """Find points near a place: rows of `xy`."""
-        return quick_tree(self.xy)
-
     def mean_strength(self) -> np.ndarray:
         """Average the strength of each curve's points, (C,)."""
         if not len(self):
@@ -187,11 +182,6 @@ class Lines:
         offsets = np.r_[0, np.cumsum(count[good])]
         closed = (self.closed[of] & whole)[good]
         return self.made_of(np.flatnonzero(good[run]), offsets, self.kind[of[good]], closed)
-
-
-def quick_tree(xy: np.ndarray) -> cKDTree:
-    """Make a tree of points (N, 2) that is asked but a few times, which need not be balanced."""
-    return cKDTree(xy, compact_nodes=False, balanced_tree=False)
 
 
 def even(lines: Lines) -> Lines:
@@ -313,15 +303,10 @@ def near_others(lines: Lines, radius: float, asked: np.ndarray | None = None) ->
     """
     ends = np.flatnonzero(np.ones(2 * len(lines), bool) if asked is None else asked)
     near = np.zeros(2 * len(lines), bool)
-    if not len(ends):
-        return near
-    tip = ends_of(lines)[0][ends]
-    tree, of = lines.tree, lines.of
     # a curve has hardly more than 2 radius points of its own so near to its tip; the next nearest
     # are others
-    k = min(int(2.0 * radius / STEP) + 4, len(lines.xy))
-    distance, nearest = tree.query(tip, k=k, distance_upper_bound=radius)
-    distance, nearest = distance.reshape(len(tip), -1), nearest.reshape(len(tip), -1)
-    other = of[np.minimum(nearest, len(of) - 1)] != (ends // 2)[:, None]
-    near[ends] = ((distance < np.inf) & other).any(axis=1)
+    tips, most = ends_of(lines)[0][ends], int(2.0 * radius / STEP) + 4
+    asking, found = nearest_points(lines.xy, tips, radius, most)
+    end = ends[asking]
+    near[end[lines.of[found] != end // 2]] = True
     return near

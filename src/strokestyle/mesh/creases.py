@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import runs
+from ..geometry.near import linked_groups
 from .triangles import Edges, columns, row_dot
 
 # So far must a crease reach whose sides bend ROUND times as much beside it: of the longest side of
@@ -116,9 +115,7 @@ def chains(ends: np.ndarray, along: np.ndarray) -> np.ndarray:
     np.maximum.at(best, one, cosine)
     np.maximum.at(best, two, cosine)
     both = (cosine == best[one]) & (cosine == best[two])
-    pairs = one[both] // 2, two[both] // 2
-    links = coo_matrix((np.ones(both.sum(), np.int8), pairs), shape=(count, count))
-    return connected_components(links, directed=False)[1]
+    return linked_groups(np.stack([one[both], two[both]]) // 2, count)
 
 
 def _pairs_at_vertices(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

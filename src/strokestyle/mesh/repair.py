@@ -6,10 +6,9 @@ Lengths are of the longest side of the mesh.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import runs
+from ..geometry.near import linked_groups
 from .connectivity import Connectivity
 from .messages import warn
 from .normals import vertex_normals
@@ -229,8 +228,7 @@ def _majority_turn(edges: Edges, clash: np.ndarray) -> np.ndarray:
     f, g = edges.faces[inner].T
     swap, n = clash[inner], len(edges.of_side)
     rows, columns = np.r_[f, f + n], np.r_[np.where(swap, g + n, g), np.where(swap, g, g + n)]
-    links = coo_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(2 * n, 2 * n))
-    label = connected_components(links, directed=False)[1]
+    label = linked_groups(np.stack([rows, columns]), 2 * n)
     kept, turned = label[:n], label[n:]
     # of the two windings of a component, the one that more faces have; the lower label at a tie
     votes = np.bincount(kept, minlength=label.max() + 1)
@@ -326,10 +324,7 @@ def _joined_corners(
         forward = faces.ravel()[side] == edges.ends[joined, 0]
         links.append(np.r_[np.where(forward, side, after), np.where(forward, after, side)])
     link = local[np.stack(links)]
-    link = link[:, link[0] >= 0]
-    size = len(corner)
-    graph = coo_matrix((np.ones(len(link[0]), np.int8), link), shape=(size, size))
-    return corner, connected_components(graph, directed=False)[1]
+    return corner, linked_groups(link[:, link[0] >= 0], len(corner))
 
 
 def cone_apices(mesh: Connectivity, cosine: float) -> np.ndarray:

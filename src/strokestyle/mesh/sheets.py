@@ -6,10 +6,9 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ..geometry.curves import counting, runs
+from ..geometry.near import linked_groups
 from .soup import Soup
 from .triangles import Edges, any_corner, row_dot, unit_rows
 
@@ -79,9 +78,7 @@ def _corner_groups(faces: np.ndarray, pairs: np.ndarray, near: np.ndarray) -> np
     ]
     link = np.concatenate(links, axis=1)
     link = 3 * local[link // 3] + link % 3
-    size = 3 * len(near)
-    graph = coo_matrix((np.ones(len(link[0]), np.int8), link), shape=(size, size))
-    return connected_components(graph, directed=False)[1]
+    return linked_groups(link, 3 * len(near))
 
 
 def _joined_sides(
@@ -149,10 +146,8 @@ def _by_file(fan: _Fan, origin: np.ndarray) -> np.ndarray:
 
 def _by_patch(fan: _Fan, edges: Edges) -> np.ndarray:
     """Pair the sides (P, 2) that alone are of one patch, joined by edges of two faces."""
-    pair = edges.faces[edges.uses == 2].T
-    size = len(edges.of_side)
-    links = coo_matrix((np.ones(len(pair[0]), np.int8), pair), shape=(size, size))
-    return _just_two(fan, connected_components(links, directed=False)[1][fan.side // 3])
+    patch = linked_groups(edges.faces[edges.uses == 2].T, len(edges.of_side))
+    return _just_two(fan, patch[fan.side // 3])
 
 
 def _just_two(fan: _Fan, *names: np.ndarray) -> np.ndarray:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import breadth_first_order
 
 Blur = Callable[[np.ndarray], np.ndarray]
 
@@ -70,6 +69,8 @@ def _neighbours_together(links: csr_matrix) -> np.ndarray:
 
     What those do not reach comes after them, as it is.
     """
+    from scipy.sparse.csgraph import breadth_first_order  # takes .05 s to import
+
     rings = breadth_first_order(links, 0, return_predecessors=False)
     if len(rings) == links.shape[0]:
         return rings

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..geometry.curves import counting, runs
 from .soup import Soup
 from .triangles import TINY, Edges, all_corners, clashes, dots_at, pair_key, row_dot, unit_rows
 from .weld import CRACK, DETAIL, shortest_sides
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 ROUNDS = 8  # of stitching: each splits one side of a face
 ON_SIDE = 2e-5  # of the longest side: a vertex nearer than this to a side lies on it
@@ -234,6 +236,8 @@ def _near(
     piece, the shorter the more vertices there are about, so that the effort grows with what lies
     near.
     """
+    from scipy.spatial import cKDTree  # takes .1 s to import
+
     tree = cKDTree(points[vertex])
     along = points[ends[:, 1]] - points[ends[:, 0]]
     length = np.sqrt(row_dot(along, along))

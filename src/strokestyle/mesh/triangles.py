@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_matrix
 
 from ..geometry.curves import runs
+from ..geometry.near import linked_groups
 
 
 class Triangles(NamedTuple):
@@ -362,8 +362,7 @@ class Edges:
             many = np.flatnonzero((self.uses > 2)[self.of_side.ravel()])
             edge = self.of_side.ravel()[many]
             pair = np.concatenate([pair, np.stack([many // 3, self.faces[edge, 0]], axis=1)])
-        links = coo_matrix((np.ones(len(pair), np.int8), pair.T), shape=(count, count))
-        return connected_components(links, directed=False)[1]
+        return linked_groups(pair.T, count)
 
 
 def _sorted_sides(

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
+from ..geometry.near import linked_groups
 from .soup import Soup
 from .triangles import Edges, all_corners, pair_key, row_dot
 
@@ -61,6 +59,8 @@ def close_cracks(soup: Soup) -> np.ndarray | None:
     rim = np.unique(edges.ends[edges.uses == 1])
     if not len(rim):
         return None
+    from scipy.spatial import cKDTree  # takes .1 s to import
+
     pairs = cKDTree(points[rim]).query_pairs(CRACK, output_type="ndarray")
     if not len(pairs):
         return None
@@ -69,9 +69,7 @@ def close_cracks(soup: Soup) -> np.ndarray | None:
     near = row_dot(gap, gap) <= np.minimum(limit[pairs[:, 0]], limit[pairs[:, 1]]) ** 2
     if not near.any():
         return None
-    pairs = pairs[near].T
-    links = coo_matrix((np.ones(len(pairs[0]), np.int8), pairs), shape=(len(rim), len(rim)))
-    group = connected_components(links, directed=False)[1]
+    group = linked_groups(pairs[near].T, len(rim))
     _, first = np.unique(group, return_index=True)
     target = np.arange(len(points))
     target[rim] = rim[first[group]]

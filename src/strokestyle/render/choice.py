@@ -15,12 +15,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.special import betaln
 
 from ..extract.view import View
 from ..geometry.curves import arc_length, owner, runs
 from ..geometry.kinds import KIND_TABLE, KINDS
+from ..geometry.near import near_pairs
 from .features import along_strokes, surface_at
 
 AZIMUTHS = 24  # of the lights that a law may have
@@ -233,7 +232,7 @@ def _lit(normal: np.ndarray, n_dot_v: np.ndarray, tilt: float) -> np.ndarray:
 def _crowd(view: View, scale: float) -> np.ndarray:
     """How many radii of other lines lie within CROWD_RADIUS of each point, (N,)."""
     xy, line = view.curves.xy / scale, owner(view.curves.offsets)
-    pairs = cKDTree(xy).query_pairs(CROWD_RADIUS, output_type="ndarray").reshape(-1, 2)
+    pairs = near_pairs(xy, CROWD_RADIUS)
     pairs = pairs[line[pairs[:, 0]] != line[pairs[:, 1]]]
     near = np.bincount(pairs.ravel(), minlength=len(xy))
     return near * (_spacing(view) / scale / CROWD_RADIUS)
@@ -325,6 +324,8 @@ def _unless_idle(laws: Laws, seen: _Seen, draws_all: bool) -> Laws | None:
 
 def _evidence(mass: np.ndarray, seen: _Seen) -> np.ndarray:
     """Logarithm of the marginal likelihood of laws, (L,), of the `_Seen.mass` where each holds."""
+    from scipy.special import betaln  # takes .05 s to import, and only those who learn ask for it
+
     total = np.zeros(len(mass))
     for side, (a, b) in ((mass, DRAWN), (_rest(mass, seen), LEFT_OUT)):
         yes, no = side.T

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.spatial import cKDTree
 
 from ..geometry.curves import Curves, arc, blurred, resample, simplify
+from ..geometry.near import near_pairs
 
 PULL = np.array([0.6, 1.0])  # the direction of easy strokes, x right, y down
 HEADING_SPAN = 12.0  # px over which the heading of an end, or the turn at a corner, is measured
@@ -266,7 +266,7 @@ def _rival_pairs(paths: list[_Path], gap: float, span: int, spacing: float) -> n
     sides = [side for path in paths for side in (path.xy[::-1], path.xy)]
     at = np.array([xy[-1] for xy in sides])
     towards = np.array([heading(xy, span) for xy in sides])
-    pairs = cKDTree(at).query_pairs(gap, output_type="ndarray").reshape(-1, 2)
+    pairs = near_pairs(at, gap)
     a, b = pairs.T
     distance = np.linalg.norm(at[b] - at[a], axis=1)
     angle = _degrees(-(towards[a] * towards[b]).sum(axis=1))
