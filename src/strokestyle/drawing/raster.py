@@ -508,7 +508,7 @@ class _Found:
     spare: np.ndarray
 
     def take(self, index: np.ndarray) -> _Found:
-        return _Found(*(getattr(self, field.name)[index] for field in fields(self)))
+        return _Found(*(getattr(self, field.name).take(index) for field in fields(self)))
 
 
 def _pixels_beside(segments: _Segments, arms: _Arms) -> _Found:
@@ -522,7 +522,7 @@ def _pixels_beside(segments: _Segments, arms: _Arms) -> _Found:
     ahead, aside = _ahead_and_aside(segments, k, x, y)
     foot = np.clip(ahead, 0.0, segments.length[k])
     distance = np.hypot(ahead - foot, aside)
-    near = distance <= h0[k] + ((h1 - h0) / segments.length)[k] * foot
+    near = distance <= h0.take(k) + ((h1 - h0) / segments.length).take(k) * foot
     before = (ahead < 0) & segments.first[k]
     past = (ahead > segments.length[k]) & segments.last[k]
     cut = arms.cut[arm[k]]
@@ -547,8 +547,10 @@ def _ahead_and_aside(
     -------
     along the segment (P,), and to its left, along the normal (-t_y, t_x), (P,)
     """
-    px, py = x + 0.5 - segments.start[k, 0], y + 0.5 - segments.start[k, 1]
-    tx, ty = segments.direction[k, 0], segments.direction[k, 1]
+    begin_x, begin_y, tx, ty = (
+        np.ascontiguousarray(column).take(k) for column in (*segments.start.T, *segments.direction.T)
+    )
+    px, py = x + 0.5 - begin_x, y + 0.5 - begin_y
     return px * tx + py * ty, py * tx - px * ty
 
 

@@ -209,6 +209,12 @@ def sample_strips(
 
     def between(row: np.ndarray) -> np.ndarray:
         at = (first + row) * columns + left
-        return flat[at] * (1 - right) + flat[at + step] * right
+        left_of, right_of = flat.take(at, axis=0), flat.take(at + step, axis=0)
+        left_of *= 1 - right
+        right_of *= right
+        return np.add(left_of, right_of, out=left_of)
 
-    return between(above) * (1 - down) + between(below) * down
+    upper, lower = between(above), between(below)
+    upper *= 1 - down
+    lower *= down
+    return np.add(upper, lower, out=upper)
