@@ -428,3 +428,21 @@ def test_whole_numbers_of_units_are_told_as_the_numbers_that_they_are(decimals):
     values += np.random.default_rng(0).integers(-20_000, 20_000, 400).tolist()
     told = markup.numbers(np.array(values), decimals)
     assert told == [markup.number(value / 10**decimals, decimals) for value in values]
+
+
+@pytest.mark.parametrize("texture", ["vector", "image"])
+@pytest.mark.parametrize("kind", ["grain", "colours"])
+def test_as_many_threads_as_there_are_write_the_same_bytes(monkeypatch, texture, kind):
+    for name, size in (
+        ("svg.tones.CACHED_TEXELS", 200),
+        ("svg.tones.CACHED", 50),  # points
+        ("svg.ink.CACHED_TEXELS", 200),
+        ("geometry.curves.CACHED", 50),
+        ("drawing.raster.BATCH", 1000.0),
+    ):
+        monkeypatch.setattr(f"strokestyle.{name}", size)
+    texts = set()
+    for threads in ("1", "4", "4"):
+        monkeypatch.setenv("OMP_NUM_THREADS", threads)
+        texts.add(write_svg(drawing(texture=kind), texture=texture))
+    assert len(texts) == 1

@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..geometry.curves import counting
+from ..geometry.threads import in_turn
 from .ribbon import Ribbon, ribbon, sample_strips
 from .strip import premultiplied, straight
 from .strokes import (
@@ -136,7 +137,8 @@ def textured_pixels(
     texels = premultiplied(strips.rgba.astype(np.float32) / 255.0)
     bands = [ribbon(drawing.strokes, i, strips.margin[i], scale) for i in index]
     crops = [crop_of(band.xy, band.half, size) for band in bands]
-    for batch in _batches(bands, crops):
+
+    def painted(batch: np.ndarray) -> list[tuple[Crop, np.ndarray, np.ndarray]]:
         found = ribbon_coordinates([bands[j] for j in batch], [crops[j] for j in batch])
         wraps = np.array([bands[j].closed for j in batch], bool)[found.ribbon]
         stroke = index[batch][found.ribbon]
@@ -144,8 +146,11 @@ def textured_pixels(
         shown = _strongest_marks(found, color[:, 3], _Boxes.of([crops[j] for j in batch]))
         pixel, color = found.pixel[shown], color[shown]
         ends = np.searchsorted(found.ribbon[shown], np.arange(len(batch) + 1))
-        for j, a, b in zip(batch, ends[:-1], ends[1:], strict=True):
-            yield crops[j], pixel[a:b], color[a:b]
+        cut = zip(batch, ends[:-1], ends[1:], strict=True)
+        return [(crops[j], pixel[a:b], color[a:b]) for j, a, b in cut]
+
+    for several in in_turn(painted, _batches(bands, crops)):
+        yield from several
 
 
 def _batches(bands: list[Ribbon], crops: list[Crop]) -> Iterator[np.ndarray]:
@@ -548,7 +553,8 @@ def _ahead_and_aside(
     along the segment (P,), and to its left, along the normal (-t_y, t_x), (P,)
     """
     begin_x, begin_y, tx, ty = (
-        np.ascontiguousarray(column).take(k) for column in (*segments.start.T, *segments.direction.T)
+        np.ascontiguousarray(column).take(k)
+        for column in (*segments.start.T, *segments.direction.T)
     )
     px, py = x + 0.5 - begin_x, y + 0.5 - begin_y
     return px * tx + py * ty, py * tx - px * ty

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -18,11 +19,26 @@ def each(function: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
     Raises what the function raises.
     """
     items = list(items)
-    count = min(threads(), len(items))
+    return list(in_turn(function, items) if len(items) > 1 else map(function, items))
+
+
+def in_turn(function: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
+    """Yield what `each` gives, one after the other; no more is made ahead than there are threads.
+
+    Items are taken in the caller's thread.
+    """
+    count = threads()
     if count < 2:
-        return [function(item) for item in items]
+        yield from map(function, items)
+        return
     with ThreadPoolExecutor(count) as pool:
-        return list(pool.map(function, items))
+        ahead: deque[Future[Made]] = deque()
+        for item in items:
+            ahead.append(pool.submit(function, item))
+            if len(ahead) > count:
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
 
 
 def threads() -> int:

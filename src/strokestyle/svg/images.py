@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..drawing.raster import textured_pixels
+from ..drawing.raster import Crop, textured_pixels
 from ..drawing.strokes import Drawing
+from ..geometry.threads import in_turn
 from .format import IMAGE_LEVELS_GRAIN, IMAGE_LEVELS_SOFT
 from .ink import GRAIN, Inks
 from .palette import Quantiser, ink_palette, used
@@ -44,28 +47,57 @@ def stroke_images(
     """
     texture = drawing.texture
     assert texture is not None  # as there are inks
+    places = _places(texture.rgba, index, textured_pixels(drawing, index, resolution), ink)
+    yield from in_turn(functools.partial(_image, resolution=resolution), places)
+
+
+class _Places(NamedTuple):
+    """Places (M,) uint8 in a palette (n, 4), at pixels (M,) of a crop.
+
+    `every`: the palette is this stroke's own, and all of it is kept.
+    """
+
+    crop: Crop
+    pixel: np.ndarray
+    place: np.ndarray
+    palette: np.ndarray
+    every: bool
+
+
+def _places(
+    rgba: np.ndarray,
+    index: np.ndarray,
+    painted: Iterator[tuple[Crop, np.ndarray, np.ndarray]],
+    ink: Inks,
+) -> Iterator[_Places | None]:
+    """The colours of painted strokes as places in palettes; None where nothing shows."""
     few: Quantiser | None = None
-    painted = textured_pixels(drawing, index, resolution)
+    plain = ink.plain
     for i, (crop, pixel, color) in zip(index, painted, strict=True):
         seen = color[:, 3] > SEEN
         pixel, color = pixel[seen], color[seen]
         if not len(pixel):
             yield None
-            continue
-        if ink.plain[i]:
-            place, palette = _in_one_ink(color[:, 3], ink.color[i], ink.grain[i])
+        elif plain[i]:
+            own = _in_one_ink(color[:, 3], ink.color[i], ink.grain[i])
+            yield _Places(crop, pixel, *own, every=True)
         else:
-            few = few or Quantiser(_sample(texture.rgba))
-            place, palette = few.index(color), few.palette
-        picture, x, y = _cropped(place, pixel, crop.w)
-        if not ink.plain[i]:
-            picture, palette = used(picture, palette)
-        size = picture.shape[1], picture.shape[0]
-        left, upper, width, height = (
-            np.array([crop.x0 + x, crop.y0 + y, *size]) / resolution
-        ).tolist()
-        png = encode_png(picture, np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8))
-        yield StrokeImage(left, upper, width, height, png)
+            few = few or Quantiser(_sample(rgba))
+            yield _Places(crop, pixel, few.index(color), few.palette, every=False)
+
+
+def _image(places: _Places | None, resolution: float) -> StrokeImage | None:
+    """The image of a stroke, with `resolution` pixels a px."""
+    if places is None:
+        return None
+    crop, palette = places.crop, places.palette
+    picture, x, y = _cropped(places.place, places.pixel, crop.w)
+    if not places.every:
+        picture, palette = used(picture, palette)
+    box = np.array([crop.x0 + x, crop.y0 + y, picture.shape[1], picture.shape[0]]) / resolution
+    left, upper, width, height = box.tolist()
+    png = encode_png(picture, np.rint(np.clip(palette, 0, 1) * 255).astype(np.uint8))
+    return StrokeImage(left, upper, width, height, png)
 
 
 def _in_one_ink(
