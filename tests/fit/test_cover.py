@@ -63,3 +63,14 @@ def test_no_strokes_cover_nothing():
     assert len(cover.pixel) == 0
     outside = cover_strokes(np.array([[-90.0, 0.0]]), np.ones(1), np.array([0, 1]), SIZE, SIZE)
     assert outside.pull(outside.value)[0].tolist() == [[0, 0]]
+
+
+def test_full_pixels_of_segments_that_widen_steeply():
+    begin = np.stack([np.full(8, 6.0), 6 + 4 * np.arange(8) + np.arange(8) / 8], axis=1)
+    for start in begin:
+        for step in ([2.0, 0.0], [1.6, 1.2]):
+            xy = np.stack([start, start + step])
+            pairs = zip(*both(xy, np.array([3.0, 9.0]), np.array([0, 2])), strict=True)
+            for theirs, ours in pairs:
+                most = 2e-5 * max(float(np.abs(theirs).max()), 1)
+                assert theirs == pytest.approx(ours, abs=most)
