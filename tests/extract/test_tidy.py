@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from strokestyle.extract import tidy_merge
 from strokestyle.extract.tidy import TidyOptions, subtract_parallel, tidy, tidy_with_source
+from strokestyle.extract.tidy_lines import evenly, near_others
 from strokestyle.geometry.curves import KINDS, Curves, arc_length, owner
 
 CONTOUR, CREASE, SUGGESTIVE, RIDGE, VALLEY = (
@@ -460,6 +461,23 @@ def test_any_scribble_gives_clean_strokes(seed):
         ]
     )
     assert cKDTree(ink).query(out.xy)[0].max() < 0.5 * TidyOptions().contour_gap + 1.5
+
+
+@pytest.mark.parametrize("at", [0.0, -3e7])
+def test_ends_near_other_lines_are_those_found_by_asking_all_points(at):
+    rng = np.random.default_rng(5)
+    starts = rng.uniform(0, 300, (150, 2))
+    curves = [line(start, start + rng.normal(0, 25, 2)) + at for start in starts]
+    count = sum(map(len, curves))
+    lines = evenly(Curves.from_list(curves), 1.0, np.ones(count), np.zeros(count, bool))
+    tips = lines.xy[np.stack([lines.first, lines.last], axis=1).ravel()]
+    away = np.linalg.norm(lines.xy - tips[:, None], axis=2)
+    away[lines.of == np.arange(2 * len(lines))[:, None] // 2] = np.inf
+    for radius in (1.0, 2.5, 6.0):
+        near = away.min(axis=1) <= radius
+        assert np.array_equal(near_others(lines, radius), near) and 0.05 < near.mean() < 0.9
+        asked = rng.random(len(tips)) < 0.3
+        assert np.array_equal(near_others(lines, radius, asked), near & asked)
 
 
 def test_the_same_input_gives_the_same_bytes():
