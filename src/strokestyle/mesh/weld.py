@@ -132,8 +132,8 @@ def _of_two_bodies(faces: np.ndarray, twins: np.ndarray, among: np.ndarray) -> n
     count = int(faces.max()) + 1
     edges, sheets = Edges.of(faces[among], count), Edges.of(faces[twins], count)
     end = np.flatnonzero(sheets.uses == 1)
-    keys = (pair_key(count, *ends.T) for ends in (edges.ends, sheets.ends[end]))
-    uses = edges.uses[np.searchsorted(*keys)]
+    keys, wanted = (pair_key(count, *ends.T) for ends in (edges.ends, sheets.ends[end]))
+    uses = edges.uses[np.searchsorted(keys, wanted)]
     sheet = sheets.component[sheets.faces[end, 0]]
     shared = np.zeros(sheets.component.max() + 1, bool)
     shared[sheet] = True
