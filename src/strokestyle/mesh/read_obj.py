@@ -10,7 +10,7 @@ import numpy as np
 
 from .messages import NotSupported, only_lines, warn
 from .polygons import cut_polygons
-from .text_file import one_byte_text, plain_decimals
+from .text_file import one_byte_text, places, plain_decimals, word_places
 from .triangles import Triangles
 
 _SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
@@ -61,17 +61,18 @@ class _Lines:
 
     @classmethod
     def of(cls, data: bytes) -> _Lines:
-        if b"\r\n" in data:
+        # one letter is sought ten times faster than two
+        if b"\r" in data:
             data = data.replace(b"\r\n", b"\n")
         if any(byte in data for byte in b"\t\v\f\r"):
             data = data.translate(_SPACES)
         data = b"\n" + data + b"\n\n\n"
-        if b"\\\n" in data:
+        if b"\\" in data:
             data = data.replace(b"\\\n", b" ")
-        if b"\n " in data:
+        text, start = np.frombuffer(data, np.uint8), places(data, "\n")[:-2] + 1
+        if (text[start] == ord(" ")).any():
             data = re.sub(rb"\n +", b"\n", data)
-        text = np.frombuffer(data, np.uint8)
-        start = np.flatnonzero(text == ord("\n"))[:-2] + 1
+            text, start = np.frombuffer(data, np.uint8), places(data, "\n")[:-2] + 1
         return cls(data, start, text[start] | _SMALL, text[start + 1] == ord(" "))
 
     def have(self, keyword: str) -> np.ndarray:
@@ -108,15 +109,12 @@ class _Lines:
 
     def numbers(self, bodies: bytes, kind: type, which: np.ndarray) -> tuple[np.ndarray, ...]:
         """Read the numbers in bodies of lines `which` (M,): all, and how many (M,) each holds."""
-        text = np.frombuffer(bodies, np.uint8)
-        word = text > ord(" ")
-        first = np.flatnonzero(word & ~np.r_[False, word[:-1]])
+        (first, behind), last = word_places(bodies), places(bodies, "\n")
         dtype = np.int64 if kind is int else np.float64
-        last = np.flatnonzero(text == ord("\n"))
-        count = np.diff(np.searchsorted(first, last), prepend=0)
+        count = _words_of_lines(first, last)
         if not len(first):  # numpy makes one number of an empty text
             return np.zeros(0, dtype), count
-        plain = plain_decimals(bodies) if kind is float else None
+        plain = plain_decimals(bodies, first, behind) if kind is float else None
         if plain is not None:
             return plain, count
         with warnings.catch_warnings():
@@ -132,6 +130,15 @@ class _Lines:
             at = which[np.searchsorted(np.cumsum(count), bad, side="right")]
             raise self.error(int(at), "not a number")
         return values, count
+
+
+def _words_of_lines(first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Count the words, that begin at `first` (N,), of lines that end at `last` (M,): (M,)."""
+    if len(first) == 3 * len(last) and len(last):
+        own = first.reshape(-1, 3)
+        if (own[:, 2] < last).all() and (own[1:, 0] > last[:-1]).all():  # as a rule
+            return np.full(len(last), 3)
+    return np.diff(np.searchsorted(first, last), prepend=0)
 
 
 def _reads_as(kind: type, word: bytes) -> bool:
@@ -167,8 +174,10 @@ def _read_faces(lines: _Lines, vertices: np.ndarray) -> tuple[np.ndarray, np.nda
         bodies = re.sub(rb"/[-+/0-9]*", b"", bodies)
     corner, count = lines.numbers(bodies, int, which)
     line = np.repeat(which, count)
-    known = np.cumsum(lines.have("v"))[line]  # vertices before the face: -1 is the last of them
-    corner = np.where(corner < 0, corner + known, corner - 1)
+    back = corner < 0
+    corner -= 1
+    if back.any():  # of the vertices before the face: -1 is the last
+        corner[back] += 1 + np.cumsum(lines.have("v"))[line[back]]
     lost = (corner < 0) | (corner >= len(vertices))
     if lost.any():
         what = f"it names a vertex that does not exist: there are {len(vertices)}, from 1"
@@ -206,6 +215,8 @@ def _read_parts(lines: _Lines, line: np.ndarray) -> tuple[np.ndarray, tuple[str,
 def _parts_by(keyword: str, lines: _Lines, line: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Read the parts that lines of a keyword open: what `_read_parts` returns."""
     opens = lines.have(keyword)
+    if not opens.any():
+        return np.zeros(len(line), np.int64), ("",) * (len(line) > 0)
     names = [""]
     for at in np.flatnonzero(opens).tolist():
         name = " ".join(lines.text(at)[len(keyword) + 1 :].split())

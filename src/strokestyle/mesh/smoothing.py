@@ -36,7 +36,8 @@ def smoothing(ends: np.ndarray, count: int, smooth: float) -> Blur | None:
         order = _neighbours_together(step)
         place = np.empty(count, np.int32)
         place[order] = np.arange(count, dtype=np.int32)
-        step = _averaging(place[one], place[two], count, part)
+        step = step[order]
+        step.indices = place[step.indices]
 
     def blur(values: np.ndarray) -> np.ndarray:
         step.data = step.data.astype(values.dtype, copy=False)
