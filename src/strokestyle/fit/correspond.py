@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from ..geometry.curves import arc_length, owner
 from .observe import INK_LEVEL, PROBE_STEP, sample_image
+from .threads import each_at_once
 
 # Costs are logarithms of probabilities, up to a constant. Set by hand; no ablation is kept.
 RUNS = 4  # nearest runs of ink that are looked at across a point
@@ -57,9 +58,9 @@ class InkField:
         smooth = ndimage.gaussian_filter(np.asarray(mask, np.float64), 1.0)
         dy, dx = np.gradient(smooth)
         sigma = max(2.0, half)
-        xx, yy, xy = (
-            ndimage.gaussian_filter(part, sigma, truncate=3.0)
-            for part in (dx * dx, dy * dy, dx * dy)
+        xx, yy, xy = each_at_once(
+            lambda part: ndimage.gaussian_filter(part, sigma, truncate=3.0),
+            (dx * dx, dy * dy, dx * dy),
         )
         # ink runs at right angles to its gradient
         total = np.maximum(xx + yy, 1e-9)

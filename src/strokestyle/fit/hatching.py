@@ -19,6 +19,7 @@ from ..drawing.strokes import Strokes
 from ..render.plan import Planned
 from .observe import Observation
 from .own_ink import nearest_strokes
+from .threads import each_at_once
 
 # Set by hand on drawings with and without hatching; no ablation is kept.
 INK, EDGE = 0.5, 0.25  # of the mask: what is ink, and what may be its soft edge
@@ -127,9 +128,12 @@ def ink_directions(mask: np.ndarray) -> Directions:
 
     The eigenvector of the lesser eigenvalue, and the difference of both by their sum.
     """
-    gx = ndimage.gaussian_filter(mask, GRADIENT_SIGMA, order=(0, 1))
-    gy = ndimage.gaussian_filter(mask, GRADIENT_SIGMA, order=(1, 0))
-    xx, xy, yy = (ndimage.gaussian_filter(p, TENSOR_SIGMA) for p in (gx * gx, gx * gy, gy * gy))
+    gx, gy = each_at_once(
+        lambda order: ndimage.gaussian_filter(mask, GRADIENT_SIGMA, order=order), ((0, 1), (1, 0))
+    )
+    xx, xy, yy = each_at_once(
+        lambda part: ndimage.gaussian_filter(part, TENSOR_SIGMA), (gx * gx, gx * gy, gy * gy)
+    )
     across = 0.5 * np.arctan2(2 * xy, xx - yy)
     coherence = np.hypot(xx - yy, 2 * xy) / np.maximum(xx + yy, 1e-9)
     return Directions(np.stack([-np.sin(across), np.cos(across)], axis=-1), coherence)

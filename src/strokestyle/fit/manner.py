@@ -20,7 +20,8 @@ from ..render.displacement import CUTS, across_strokes
 from ..render.features import plan
 from ..render.plan import CUT_SIGMA, HEADING_SPAN, Planned, corners, turns
 from .observe import INK_LEVEL, measure_across, sample_image
-from .pen_ends import probe_ends
+from .pen_ends import Probes, probe_ends
+from .threads import each_at_once
 
 REACH = 72.0  # px past ends as far as which ink is followed
 REACH_SHARE = 95  # percentile of the overshoots that strokes are planned to reach
@@ -259,10 +260,14 @@ def _cut_tolerance(lines: _Lines, least_corner: float) -> tuple[float, np.ndarra
     Returns also the overshoots (K,), px, that were seen at its corners.
     """
     best, found, past = 0.0, 0.0, np.zeros(0)
-    for tolerance in CUTS:
+    others = [lines.xy[rows] for rows in lines.rows()]
+
+    def cut(tolerance: float) -> tuple[list[np.ndarray], np.ndarray, Probes]:
         pieces, inner = _straight_pieces(lines, tolerance, least_corner)
-        others = [lines.xy[rows] for rows in lines.rows()]
         probes = probe_ends(pieces, lines.mask, lines.thickness, REACH, lines.spacing, others)
+        return pieces, inner, probes
+
+    for tolerance, (pieces, inner, probes) in zip(CUTS, each_at_once(cut, CUTS), strict=True):
         told = probes.clear & inner
         shot = probes.past[told] > 0
         if not shot.any() or shot.mean() < MOST_CORNERS:

@@ -15,6 +15,7 @@ from ..geometry.curves import arc_length
 from .exemplar import Exemplar
 from .learn import Learned
 from .own_ink import ASTRAY, nearest_strokes, unexplained_ink
+from .threads import each_at_once
 from .train import Fitted
 
 # Colours that the colour-blind tell apart (Okabe and Ito 2008)
@@ -114,7 +115,7 @@ def fit_report(view: View, exemplar: Exemplar, fitted: Fitted) -> np.ndarray:
         marked = np.repeat(1 - exemplar.mask[..., None], 3, axis=2)
     else:
         marked = marked_drawing(view, exemplar, fitted, fitted.learned)
-    panels = [exemplar.rgb, marked, _on_white(flat), _on_white(drawing)]
+    panels = [exemplar.rgb, marked, *each_at_once(_on_white, (flat, drawing))]
     return np.concatenate(panels, axis=1).astype(np.float32)
 
 

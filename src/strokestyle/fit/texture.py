@@ -26,6 +26,7 @@ from ..render.texture_bank import (
 from .exemplar import Exemplar
 from .flatness import evenness
 from .own_ink import InkOwners, Texels, ink_margin, nearest_strokes
+from .threads import each_at_once
 
 # Set by hand; no ablation is kept.
 STRETCH = 0.4, 2.0  # length along the strip by length along the stroke: beyond, a bend folds it
@@ -103,23 +104,23 @@ def cut_strips(
     """
     columns = bank_columns(rows, margin)
     planes = [exemplar.ink[..., k] * exemplar.alpha for k in range(3)] + [exemplar.alpha]
-    planes = [ndimage.spline_filter(plane, 3, output=np.float32) for plane in planes]
-    strips, free = [], []
-    for i in range(len(strokes)):
+    planes = each_at_once(lambda one: ndimage.spline_filter(one, 3, output=np.float32), planes)
+
+    def cut(i: int) -> tuple[np.ndarray, np.ndarray]:
         band = ribbon(strokes, i, margin)
         n = rows.offsets[i + 1] - rows.offsets[i]
         turn = slice(None, None, -1 if rows.turned[i] else 1)
         texels = _texels(band, rows, i, columns, margin, turn)
-        at = texels.at
         samples = [
-            ndimage.map_coordinates(plane, at, order=3, mode="nearest", prefilter=False)
+            ndimage.map_coordinates(plane, texels.at, order=3, mode="nearest", prefilter=False)
             for plane in planes
         ]
         stretch = strip_stretch(band, n, columns)
         own = owners.own(i, texels, margin)
         own &= (stretch > STRETCH[0]) & (stretch < STRETCH[1])
-        strips.append(np.stack(samples, axis=-1)[turn, turn])
-        free.append(own[turn, turn])
+        return np.stack(samples, axis=-1)[turn, turn], own[turn, turn]
+
+    strips, free = zip(*each_at_once(cut, range(len(strokes))), strict=True)
     return _valid_ink(np.concatenate(strips)), np.concatenate(free)
 
 
