@@ -21,11 +21,12 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("many", [near.MANY, -1])
+@pytest.mark.parametrize("many, few", [(near.MANY, near.FEW), (-1, near.FEW), (near.MANY, 0)])
 @pytest.mark.parametrize("reach", [0.0, 1.0, 2.0**0.5, 11.0])
 @pytest.mark.parametrize("name", PLACES)
-def test_what_is_near_is_what_comparing_all_finds(name, reach, many, monkeypatch):
+def test_what_is_near_is_what_comparing_all_finds(name, reach, many, few, monkeypatch):
     monkeypatch.setattr(near, "MANY", many)
+    monkeypatch.setattr(near, "FEW", few)
     points = PLACES[name]
     queries = np.r_[points[::3], points[:5] + 0.4, rng.uniform(-90, 90, (30, 2))]
     apart = np.square(points[:, None] - points).sum(axis=-1)

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 MANY = 1 << 19  # pairs to be looked at from which on a tree is made
+FEW = 4  # times as many points as queries, from which on those that may be near are taken first
+BUCKETS = 1 << 16  # that cells are put in for that
 CELLS = 1 << 30  # at most along a side, so that two numbers of cells are one of 64 bits
 
 
@@ -62,6 +64,38 @@ def nearest_points(
     the query and the point of each pair, (P,) int, by query and then by how near they are
     """
     if not len(points) or not len(queries):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    if FEW * len(queries) < len(points) and reach > 0.0:
+        some = np.flatnonzero(_may_be_near(points, queries, reach))
+        query, point = _nearest(points[some], queries, reach, most)
+        return query, some[point]
+    return _nearest(points, queries, reach, most)
+
+
+def _may_be_near(points: np.ndarray, queries: np.ndarray, reach: float) -> np.ndarray:
+    """Tell which points (N, 2) may be within `reach` of queries (Q, 2), (N,) bool.
+
+    All that are, and a few others: cells share BUCKETS. That takes less than to sort all points.
+    """
+    side = reach * (1.0 + 1e-6)  # cells apart are farther than rounding may be
+    marked = np.zeros(BUCKETS, bool)
+    cell = np.floor(queries / side)
+    for step in np.ndindex(3, 3):
+        marked[_bucket(cell + step - 1.0)] = True
+    return marked[_bucket(np.floor(points / side))]
+
+
+def _bucket(cell: np.ndarray) -> np.ndarray:
+    """Choose one of BUCKETS for cells (N, 2) of whole numbers, (N,) int."""
+    column, row = cell.T
+    return (column + 251.0 * row).astype(np.int64) % BUCKETS
+
+
+def _nearest(
+    points: np.ndarray, queries: np.ndarray, reach: float, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find what `nearest_points` does, by a grid of all points."""
+    if not len(points):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     grid = _Grid(points, reach)
     begin, count = grid.around(queries)
