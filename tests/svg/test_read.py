@@ -178,6 +178,18 @@ def test_a_save_loses_no_stroke_and_no_width(encoding, program):
         assert theirs.options.author == "Ann" and theirs.options.license == "CC-BY-4.0"
 
 
+@pytest.mark.parametrize("encoding", ("none", "vector", "image", "parts"))
+@pytest.mark.parametrize("program", ("inkscape", "inkscape-plain"))
+def test_a_save_by_inkscape_wears_nothing(encoding, program):
+    ours, theirs = (
+        write_svg(file.drawing, file.options, ids=file.ids, kept=file.kept)
+        for name in (encoding, f"{encoding}-{program}")
+        for file in [read_svg_file(GOLDEN / f"{name}.svg")]
+    )
+    body = ours.index('<g id="layer-')
+    assert theirs[theirs.index('<g id="layer-') :] == ours[body:]
+
+
 @pytest.mark.parametrize("encoding", ("none", "vector", "image"))
 @pytest.mark.parametrize("after", ("", "-moved"))
 def test_a_minifier_makes_no_number_longer(encoding, after):

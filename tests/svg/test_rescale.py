@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from small_drawings import drawing
-from svg_programs import small
+from svg_programs import GOLDEN, small
 
 from strokestyle.drawing.edit import thicken
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture
@@ -125,3 +125,12 @@ def test_large_factors_are_drawn_anew(factor):
 @pytest.mark.parametrize("texture", [None, "colours"])
 def test_other_encodings_are_read_as_drawings(texture):
     assert thickened_svg(write_svg(small(texture)).encode(), 1.25) is None
+
+
+def test_a_file_that_inkscape_saved_is_scaled_as_ours_is():
+    texts = [(GOLDEN / f"vector{name}.svg").read_text() for name in ("", "-inkscape")]
+    ours, theirs = (scaled(text, 1.25) for text in texts)
+    for name in ("d", "data-ss-width", "data-ss-margin", "data-ss-at"):
+        pattern = rf'\s{name}="([^"]*)"'
+        assert re.findall(pattern, theirs) == re.findall(pattern, ours) != []
+    assert "sodipodi:namedview" in theirs

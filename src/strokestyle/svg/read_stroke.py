@@ -63,19 +63,21 @@ STRAY = 1.0  # px beyond a stroke's texture, where the edges of tones are of ano
 PATH_EFFECT = INKSCAPE_NAMESPACE + "}path-effect"
 ORIGINAL_PATH = INKSCAPE_NAMESPACE + "}original-d"
 
-# A stroke exactly as we write it: whatever is in it, it is markup that cannot run or load anything.
+# A stroke exactly as we write it, but for spaces and ids, which Inkscape adds: whatever is in it,
+# it is markup that cannot run or load anything.
 _VALUE = r'="[^"<&]*"'
-_PAIR = re.compile(r" ([a-z:-]+)=\"([^\"<&]*)\"", re.IGNORECASE)
-_DATA = rf'{Data.PART}="[^"<]*"|data-ss-[a-z]+{_VALUE}'
+_PAIR = re.compile(r"\s([a-z:-]+)=\"([^\"<&]*)\"", re.IGNORECASE)
+_DATA = rf'{Data.PART}="[^"<]*"|(?:id|data-ss-[a-z]+){_VALUE}'
 _TONE = rf'class="{TONE_CLASS}"|style="opacity:1"|(?:d|fill|fill-opacity|transform){_VALUE}'
+_PICTURE = rf"(?:x|y|width|height|preserveAspectRatio|xlink:href){_VALUE}"
 _CHILD = (
-    rf"<(path)((?: (?:{_TONE}|{_DATA}))+) ?/>"
-    rf"|<(image)((?: (?:(?:x|y|width|height|preserveAspectRatio|xlink:href){_VALUE}|{_DATA}))+) ?/>"
+    rf"<(path)((?:\s+(?:{_TONE}|{_DATA}))+)\s*/>"
+    rf"|<(image)((?:\s+(?:{_PICTURE}|{_DATA}))+)\s*/>"
 )
 _CHILDREN = re.compile(_CHILD)
 _STROKE = re.compile(
-    rf'<(path|g)((?: {Data.PART}="[^"<]*"| [a-z:-]+{_VALUE})*)'
-    rf"(?: ?/>|>(?:\s*<desc>[^<&]*</desc>)?((?:\s*(?:{_CHILD}))*)\s*</\1>)"
+    rf'<(path|g)((?:\s+(?:{Data.PART}="[^"<]*"|[a-z:-]+{_VALUE}))*)\s*'
+    rf"(?:/>|>(?:\s*<desc(?:\s+id{_VALUE})?\s*>[^<&]*</desc>)?((?:\s*(?:{_CHILD}))*)\s*</\1>)"
 )
 _IMAGE = re.compile(r"data:image/png;base64,[\w+/=]*")
 _KEPT_NAMES = {
@@ -573,6 +575,7 @@ def _own_children(text: str) -> tuple[Element, ...] | None:
         attributes = dict(_PAIR.findall(of_path or of_image))
         if image and not _IMAGE.fullmatch(attributes.get("xlink:href", "")):
             return None
-        attributes.pop("class", "")
+        for name in ("class", "id"):
+            attributes.pop(name, None)
         children.append(Element(path or image, attributes))
     return tuple(children)

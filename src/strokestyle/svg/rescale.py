@@ -231,7 +231,9 @@ def _data(stroke: StrokeElement, factor: float) -> dict[str, str]:
 def _replaced(text: bytes, paths: Sequence[str], given: dict[str, str]) -> bytes:
     """A stroke's text with other path data, one after the other, and other values of attributes."""
     left = iter(paths)
-    made = re.sub(rb' d="[^"]*"', lambda _: f' d="{next(left)}"'.encode(), text)
+    made = re.sub(rb'(\sd=)"[^"]*"', lambda d: d[1] + f'"{next(left)}"'.encode(), text)
     for name, value in given.items():
-        made = re.sub(rb' %s="[^"]*"' % name.encode(), f' {name}="{value}"'.encode(), made, count=1)
+        place = re.search(rb'\s%s="([^"]*)"' % name.encode(), made)
+        if place is not None:
+            made = made[: place.start(1)] + value.encode() + made[place.end(1) :]
     return made
