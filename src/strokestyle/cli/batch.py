@@ -111,30 +111,38 @@ def how_to_run(
     `several` : whether what is drawn is meant as a batch, into the folder `output` if it is one
     `values` : those of `batch_options`
     """
-    from ..batch.memory import can_be_watched
     from ..batch.plan import is_folder
-    from ..batch.pool import Limits
 
     folder = output if several and is_folder(output) else None
     if values["resume"] and folder is None:
         raise click.UsageError("--resume goes on with a batch: give -o a folder")
-    limits, scheduler = Limits(values["timeout"], values["memory"]), values["scheduler"]
+    scheduler = values["scheduler"]
     if scheduler and (values["jobs"] or 1) > 1:
         raise click.UsageError(
             "--jobs is for this machine: with --scheduler as many are drawn at the same time as "
             "the workers there have threads"
         )
-    if limits.memory and not scheduler and not can_be_watched():
-        raise click.UsageError("--memory: this system does not tell how much a process takes")
     return Running(
         values["jobs"],
-        None if limits == Limits() else limits,
+        _limits(values["timeout"], values["memory"], bool(scheduler)),
         folder,
         [stages] if stages else [],
         values["resume"],
         values["tell"],
         scheduler,
     )
+
+
+def _limits(seconds: float | None, memory: int | None, elsewhere: bool) -> Limits | None:
+    """What each shape may cost, if anything is said of it."""
+    if seconds is None and memory is None:
+        return None
+    from ..batch.memory import can_be_watched
+    from ..batch.pool import Limits
+
+    if memory and not elsewhere and not can_be_watched():
+        raise click.UsageError("--memory: this system does not tell how much a process takes")
+    return Limits(seconds, memory)
 
 
 def draw_batch(recipe: Recipe, batch: Sequence[Job], running: Running) -> int:

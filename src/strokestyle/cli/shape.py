@@ -80,16 +80,17 @@ class Shape:
     @functools.cached_property
     def shown(self) -> Surface:
         """The mesh less the parts that are hidden, cut open where the options ask for it."""
-        from ..mesh.hide import hide_parts
-        from ..mesh.messages import naming
-        from ..mesh.planes import parse_section
-        from ..mesh.section import cut_open
-
         surface, hide, cuts = self.surface, self.options.get("hide"), self.options.get("section")
         try:
             if hide:
+                from ..mesh.hide import hide_parts
+
                 surface = hide_parts(surface, hide)
             if cuts:
+                from ..mesh.messages import naming
+                from ..mesh.planes import parse_section
+                from ..mesh.section import cut_open
+
                 planes = [parse_section(text) for text in cuts]
                 with timed("cut it open"), told_warnings(), naming(self.path):
                     surface = cut_open(surface, planes, self.camera().viewpoint, self.surface)
