@@ -21,7 +21,6 @@ from .triangles import (
     any_corner,
     blocks,
     bounds,
-    clashes,
     column_cross,
     column_dot,
     columns,
@@ -197,7 +196,7 @@ def faces_to_flip(soup: Soup) -> np.ndarray:
     same; else as most faces have it.
     """
     edges, faces = soup.edges, soup.faces
-    clash = clashes(faces, edges)
+    clash = soup.clashing_edges
     turn = _majority_turn(edges, clash) if clash.any() else np.zeros(len(faces), bool)
     component, count = edges.component, edges.component.max() + 1
     of = np.maximum(np.bincount(component, minlength=count), 1)

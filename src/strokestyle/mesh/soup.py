@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .triangles import Edges, FaceShapes
+from .triangles import Edges, FaceShapes, clashes
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,11 @@ class Soup:
     def shape(self) -> FaceShapes:
         """How large the faces are."""
         return FaceShapes.of(self.points, self.faces)
+
+    @cached_property
+    def clashing_edges(self) -> np.ndarray:
+        """(E,) bool, edges along which both faces run the same way."""
+        return clashes(self.faces, self.edges)
 
     def take(self, which: np.ndarray) -> Soup:
         """Take the faces of a mask (F,)."""

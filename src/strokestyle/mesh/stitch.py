@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry.curves import counting, runs
 from .soup import Soup
-from .triangles import TINY, Edges, all_corners, clashes, dots_at, pair_key, row_dot, unit_rows
+from .triangles import TINY, Edges, all_corners, dots_at, pair_key, row_dot, unit_rows
 from .weld import CRACK, DETAIL, shortest_sides
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def _flaps(soup: Soup) -> tuple[np.ndarray, np.ndarray]:
     edges, size = soup.edges, soup.shape.size
     unit = soup.shape.cross / np.maximum(size, TINY)
     against = dots_at(unit, *edges.faces.T)
-    np.negative(against, out=against, where=clashes(soup.faces, edges))
+    np.negative(against, out=against, where=soup.clashing_edges)
     folded = (edges.uses == 2) & (against < -FOLDED_BACK)
     face = np.flatnonzero(all_corners(edges.of_side, folded))
     if not len(face):

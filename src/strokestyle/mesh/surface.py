@@ -478,8 +478,10 @@ def clean(
         faces, edges = np.where(turn[:, None], faces[:, ::-1], faces), edges.turned(turn)
     # once more: faces that were dropped may have held the box open
     points, moved_centre, moved_scale = centre_and_scale(soup.points)
-    del soup
     whole = Connectivity(points, faces, np.arange(len(points)), edges, polygon)
+    if not turn.any():
+        vars(whole)["clashing_edges"] = soup.clashing_edges  # known from before
+    del soup
     mesh = split_at_creases(whole, crease)
     vars(edges).pop("beyond", None)  # large, and of use for mending alone
     return Cleaned(
