@@ -68,7 +68,7 @@ class Connectivity:
     @cached_property
     def own_ends(self) -> tuple[np.ndarray, np.ndarray]:
         """The edges of the mesh as it is cut open, vertices at one place being several: the ends
-        (E', 2) of all, sorted, and the vertices (R,) on boundaries."""
+        (E', 2) of all, and the vertices (R,) on boundaries, ascending."""
         if self.is_uncut:
             return self.edges.ends, self.edges.rim
         if (self.edges.uses > 2).any():
@@ -85,11 +85,13 @@ class Connectivity:
         one, two = self.edges.sides.T
         cut, boundary = self.cut_edges, self.edges.uses == 1
         side = np.concatenate([one, two[cut]])
-        start, end = (self.faces.ravel().take(at) for at in (side, side + 1 - 3 * (side % 3 == 2)))
-        ends = np.stack([np.minimum(start, end), np.maximum(start, end)]).astype(np.int32)
+        corner, after = self.faces.ravel(), side + 1
+        after[side % 3 == 2] -= 3
+        ends = np.stack([corner.take(at) for at in (side, after)]).astype(np.int32)
         boundary[cut] = True
-        rim = np.unique(ends[:, np.r_[np.flatnonzero(boundary), len(one) : len(side)]])
-        return ends[:, np.argsort(ends[0], kind="stable")].T, rim
+        on_rim = np.zeros(len(self.vertices), bool)
+        on_rim[ends[:, : len(one)][:, boundary]] = on_rim[ends[:, len(one) :]] = True
+        return ends.T, np.flatnonzero(on_rim)
 
     @cached_property
     def vertex_normals(self) -> np.ndarray:

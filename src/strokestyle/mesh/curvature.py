@@ -240,7 +240,7 @@ def curvature_of(
 ) -> Curvature:
     """Smooth normals (V, 3), and prepare to measure curvatures: see `differential_geometry`.
 
-    `ends` : (E, 2) int, of the edges, sorted
+    `ends` : (E, 2) int, of the edges
     """
     blur = smoothing(ends, len(vertices), smooth)
     if blur is not None:

@@ -326,7 +326,9 @@ class Edges:
     @property
     def rim(self) -> np.ndarray:
         """(R,), the vertices on boundaries, ascending."""
-        return np.unique(self.ends[self.uses == 1])
+        on_rim = np.zeros(self.ends.max(initial=0) + 1, bool)
+        on_rim[self.ends[self.uses == 1]] = True
+        return np.flatnonzero(on_rim)
 
     @cached_property
     def beyond(self) -> np.ndarray:
