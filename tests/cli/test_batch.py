@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 import trimesh
 from click.testing import CliRunner
@@ -261,3 +262,19 @@ def test_a_full_disk_under_what_is_said_stops_no_work(monkeypatch):
 
     monkeypatch.setattr("click.echo", full)
     say("all is well")
+
+
+def test_where_an_artist_would_draw_hardly_a_line_that_is_told(place, tmp_path, monkeypatch):
+    """The laws are asked again only where no line was left out."""
+    from strokestyle.render.style import Style
+
+    monkeypatch.setattr(Style, "leaves_nothing", lambda *_: True)
+    args = ("render", place / "m.pt", place / "in" / "box 0.ply", "-o", tmp_path / "x.svg", *SMALL)
+    assert "hardly one of its lines" in run(*args).stderr
+    choose = Style.choose
+    monkeypatch.setattr(Style, "choose", lambda style, view: choose(style, first_half(view)))
+    assert "hardly" not in run(*args).stderr
+
+
+def first_half(view):
+    return view.only(np.arange(len(view.curves.xy)) < len(view.curves.xy) // 2)

@@ -391,7 +391,9 @@ def draw_shape(settings: RenderSettings, job: Job) -> Drawn:
             lines = style.choose(view)
             drawing = style.draw(lines, seed=settings.seed, choice="all")
         left_out.update(unknown_kinds(view, lines, style.choice))
-        kept |= style.leaves_nothing(view)
+        # to ask takes as long as to choose, and it cannot be where lines were left out
+        if len(lines.curves.xy) == view.required.sum():
+            kept |= style.leaves_nothing(view)
         drawn_lines, strokes = drawn_lines + len(lines.curves), strokes + len(drawing.strokes)
         for written in write_side(settings, job, side, lines, drawing):
             told.append(written.told)
