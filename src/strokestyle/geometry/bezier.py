@@ -156,6 +156,10 @@ def _fit(
     -------
     control points (K, 4, 2), first rows (K,) and `home` (K,) of the cubics, by their first rows
     """
+    # points of the plane as complex numbers: half the calls, and no axis of two
+    xy, leave, arrive = (
+        np.ascontiguousarray(v, np.float64).view(np.complex128)[:, 0] for v in (xy, leave, arrive)
+    )
     done = []
     while len(begin):
         cubic, error, worst = _fit_spans(xy, leave, arrive, begin, end, tolerance)
@@ -165,12 +169,11 @@ def _fit(
         begin, end, home = np.r_[b, w], np.r_[w, e], np.r_[h, h]
     begin, home, cubic = (np.concatenate(column) for column in zip(*done, strict=True))
     order = np.argsort(begin, kind="stable")
-    return cubic[order], begin[order], home[order]
+    cubic = np.ascontiguousarray(cubic[order]).view(np.float64).reshape(-1, 4, 2)
+    return cubic, begin[order], home[order]
 
 
-_Points = tuple[
-    np.ndarray, np.ndarray, np.ndarray, np.ndarray
-]  # p0, p1, p2, p3 of cubics, each (S, 2)
+_Points = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # p0, p1, p2, p3 of cubics, (S,)
 
 
 @dataclass(frozen=True)
@@ -184,9 +187,9 @@ class _Spans:
     head : (S,) int, the first of its points
     span : (P,) int, the span of each point
     row : (P,) int, the row of each point in the polylines
-    points : (P, 2)
-    start, stop : (S, 2), first and last point
-    leave, arrive : (S, 2), unit tangents there, both into the span
+    points : (P,) complex
+    start, stop : (S,) complex, first and last point
+    leave, arrive : (S,) complex, unit tangents there, both into the span
     """
 
     begin: np.ndarray
@@ -241,11 +244,12 @@ def _fit_spans(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fit one cubic to each span of rows begin..end, both included.
 
-    Returns control points (S, 4, 2), the worst error of each (S,), and the row to cut it at (S,).
+    Returns control points (S, 4) complex, the worst error of each (S,), and the row to cut it at
+    (S,).
     """
     spans = _Spans.of(xy, first_tangent, last_tangent, begin, end)
     t, length = _chord_length_parameters(spans)
-    chord = np.hypot(*(spans.stop - spans.start).T)
+    chord = np.abs(spans.stop - spans.start)
     thirds = _third_handles(spans, length, chord, tolerance)
     for attempt in range(3):
         weights = _bernstein(t)
@@ -259,7 +263,7 @@ def _fit_spans(
 
 def _chord_length_parameters(spans: _Spans) -> tuple[np.ndarray, np.ndarray]:
     """Give each point its share (P,) in [0, 1] of the way along its span; and the lengths (S,)."""
-    step = np.r_[0.0, np.hypot(*np.diff(spans.points, axis=0).T)]
+    step = np.r_[0.0, np.abs(np.diff(spans.points))]
     step[spans.head] = 0.0
     along = np.cumsum(step)
     along = along - along[spans.head][spans.span]
@@ -275,7 +279,7 @@ def _third_handles(
     The tangents of a span without points between are held to nothing: they must not carry its curve
     off the chord.
     """
-    along = (spans.stop - spans.start) / np.maximum(chord, 1e-12)[:, None]
+    along = (spans.stop - spans.start) / np.maximum(chord, 1e-12)
     lean = _lean(spans.leave, along), _lean(spans.arrive, -along)
     short = [np.minimum(length / 3, tolerance / np.maximum(sine, 1e-12)) for sine in lean]
     first, second = (np.where(spans.count > 2, length / 3, handle) for handle in short)
@@ -284,7 +288,8 @@ def _third_handles(
 
 def _bernstein(t: np.ndarray) -> _Points:
     """The four weights (P,) of a cubic's points at parameters t (P,)."""
-    return (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
+    s = 1 - t
+    return s * s * s, 3 * t * s * s, 3 * t * t * s, t * t * t
 
 
 def _fit_handles(
@@ -297,11 +302,11 @@ def _fit_handles(
     """Find the handles along the end tangents by least squares, after Schneider 1990."""
     b0, b1, b2, b3 = weights
     p0, p3, t1, t2, span = spans.start, spans.stop, spans.leave, spans.arrive, spans.span
-    rest = spans.points - (b0 + b1)[:, None] * p0[span] - (b2 + b3)[:, None] * p3[span]
+    rest = spans.points - (b0 + b1) * p0.take(span) - (b2 + b3) * p3.take(span)
     c11, c22 = spans.total(b1 * b1), spans.total(b2 * b2)
-    c12 = spans.total(b1 * b2) * (t1 * t2).sum(axis=1)
-    x1 = spans.total(b1 * (rest * t1[span]).sum(axis=1))
-    x2 = spans.total(b2 * (rest * t2[span]).sum(axis=1))
+    c12 = spans.total(b1 * b2) * _dot(t1, t2)
+    x1 = spans.total(b1 * _dot(rest, t1.take(span)))
+    x2 = spans.total(b2 * _dot(rest, t2.take(span)))
     det = c11 * c22 - c12 * c12
     solvable = (spans.count > 2) & (det > 1e-9 * np.maximum(c11 * c22, 1e-12))
     safe = np.where(solvable, det, 1.0)
@@ -309,34 +314,29 @@ def _fit_handles(
     # handles that point backwards or overtake each other make loops: then a third of the way
     solvable &= (h1 > 0.01 * chord) & (h2 > 0.01 * chord) & (h1 + h2 < 1.5 * length)
     h1, h2 = np.where(solvable, h1, thirds[0]), np.where(solvable, h2, thirds[1])
-    return p0, p0 + h1[:, None] * t1, p3 + h2[:, None] * t2, p3
+    return p0, p0 + h1 * t1, p3 + h2 * t2, p3
 
 
 def _at_points(spans: _Spans, points: _Points, weights: _Points) -> np.ndarray:
-    """Evaluate the cubics at the parameter of each point, (P, 2)."""
-    (b0, b1, b2, b3), (p0, p1, p2, p3), span = weights, points, spans.span
-    return (
-        b0[:, None] * p0[span]
-        + b1[:, None] * p1[span]
-        + b2[:, None] * p2[span]
-        + b3[:, None] * p3[span]
-    )
+    """Evaluate the cubics at the parameter of each point, (P,) complex."""
+    at = np.zeros(len(spans.span), np.complex128)
+    for weight, point in zip(weights, points, strict=True):
+        at += weight * point.take(spans.span)
+    return at
 
 
 def _newton(spans: _Spans, points: _Points, off: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Move each parameter t (P,) one step of Newton's towards the nearest place on its cubic.
 
-    `off` : (P, 2), from the point to the cubic at its parameter
+    `off` : (P,) complex, from the point to the cubic at its parameter
     """
-    (p0, p1, p2, p3), span = points, spans.span
-    d1 = 3 * (
-        ((1 - t) ** 2)[:, None] * (p1 - p0)[span]
-        + (2 * t * (1 - t))[:, None] * (p2 - p1)[span]
-        + (t * t)[:, None] * (p3 - p2)[span]
-    )
-    d2 = 6 * ((1 - t)[:, None] * (p2 - 2 * p1 + p0)[span] + t[:, None] * (p3 - 2 * p2 + p1)[span])
-    slope = (d1 * d1 + off * d2).sum(axis=1)
-    move = (off * d1).sum(axis=1) / np.where(slope > 1e-12, slope, np.inf)
+    (p0, p1, p2, p3), span, s = points, spans.span, 1 - t
+    d1 = (s * s) * (3 * (p1 - p0)).take(span)
+    d1 += (2 * t * s) * (3 * (p2 - p1)).take(span)
+    d1 += (t * t) * (3 * (p3 - p2)).take(span)
+    d2 = s * (6 * (p2 - 2 * p1 + p0)).take(span) + t * (6 * (p3 - 2 * p2 + p1)).take(span)
+    slope = _dot(d1, d1) + _dot(off, d2)
+    move = _dot(off, d1) / np.where(slope > 1e-12, slope, np.inf)
     t = np.clip(t - move, 0.0, 1.0)
     t[spans.head], t[spans.last] = 0.0, 1.0
     return t
@@ -350,11 +350,11 @@ def _errors(
     A curve that keeps to the points must keep to the polygon's edges between them too. Rounded, so
     that ties fall alike whatever else is fitted beside.
     """
-    error = np.round(np.hypot(off[:, 0], off[:, 1]), 9)
+    error = np.round(np.abs(off), 9)
     close = (spans.largest(error) <= tolerance) & (spans.count > 2)
     k = np.flatnonzero((spans.span[1:] == spans.span[:-1]) & close[spans.span[1:]])
     p0, p1, p2, p3 = (p[spans.span[k]] for p in points)
-    w = (0.5 * (t[k] + t[k + 1]))[:, None]
+    w = 0.5 * (t[k] + t[k + 1])
     middle = (1 - w) ** 2 * ((1 - w) * p0 + 3 * w * p1) + w * w * (3 * (1 - w) * p2 + w * p3)
     between = np.round(_from_edges(middle, spans.points[k], spans.points[k + 1]), 9)
     error[k], error[k + 1] = np.maximum(error[k], between), np.maximum(error[k + 1], between)
@@ -368,17 +368,20 @@ def _worst_rows(spans: _Spans, error: np.ndarray) -> np.ndarray:
 
 
 def _lean(tangent: np.ndarray, chord: np.ndarray) -> np.ndarray:
-    """Find the sine (n,) of the angle between unit vectors (n, 2), 1 beyond a right angle."""
-    sine = np.abs(tangent[:, 0] * chord[:, 1] - tangent[:, 1] * chord[:, 0])
-    return np.where((tangent * chord).sum(axis=1) > 0, sine, 1.0)
+    """Find the sine (n,) of the angle between unit vectors (n,) complex, 1 beyond a right angle."""
+    return np.where(_dot(tangent, chord) > 0, np.abs((tangent.conj() * chord).imag), 1.0)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The scalar products (n,) of vectors (n,) complex."""
+    return a.real * b.real + a.imag * b.imag
 
 
 def _from_edges(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Measure the distance (n,) of points (n, 2) from the edges a..b."""
+    """Measure the distance (n,) of points (n,) complex from the edges a..b."""
     d, off = b - a, points - a
-    at = np.clip((off * d).sum(axis=1) / np.maximum((d * d).sum(axis=1), 1e-18), 0.0, 1.0)
-    off = off - at[:, None] * d
-    return np.hypot(off[:, 0], off[:, 1])
+    at = np.clip(_dot(off, d) / np.maximum(_dot(d, d), 1e-18), 0.0, 1.0)
+    return np.abs(off - at * d)
 
 
 # A cubic's four points, x and y in turn.
