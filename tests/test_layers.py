@@ -128,6 +128,8 @@ def test_a_mesh_is_drawn_without_most_of_scipy():
     seen = imported_with("mesh.surface", "extract.pipeline", "render.style_file", "svg.write")
     lines = [line for name in seen for line in MODULES[name].read_text().splitlines()]
     assert {line.split()[1] for line in lines if line.startswith("from scipy")} == {"scipy.sparse"}
+    assert not [line for line in lines if line.startswith(("from PIL", "from trimesh"))]
+    assert not seen & {"batch.pool", "mesh.read_gltf", "mesh.section"}
 
 
 def test_thickness_is_scaled_without_scipy():

@@ -5,9 +5,12 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MODES = {"1", "L", "LA", "P", "RGB", "RGBA"}  # of PNGs that are read, as pillow names them
@@ -70,6 +73,8 @@ def read_png(data: bytes, most: int, what: str) -> Image.Image:
     width, height = struct.unpack(">II", data[16:24])
     if not 0 < width * height <= most:
         raise ValueError(f"its {what} of {width} x {height} pixels is too large")
+    from PIL import Image  # takes .01 s to import, and most drawings are written without
+
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
             if image.mode not in MODES:
