@@ -91,6 +91,8 @@ class FeatureMaps:
     def __getattr__(self, name: str) -> np.ndarray:
         """Work out all of the maps, or their scale, or what they cover, where that is asked for."""
         later: _Later | None = vars(self).get("_later")
+        if later is None and name in vars(self):  # another thread has just worked them out
+            return vars(self)[name]
         if later is None or name not in ("values", "covered", "scale"):
             raise AttributeError(f"'FeatureMaps' object has no attribute {name!r}")
         if name == "covered":
@@ -98,7 +100,7 @@ class FeatureMaps:
         if name == "scale":
             return later.scales()
         vars(self).update(covered=later.seen.covered, scale=later.scales(), values=later.values())
-        del vars(self)["_later"]
+        vars(self).pop("_later", None)
         return self.values
 
     def __reduce__(self) -> tuple:
@@ -113,23 +115,27 @@ class FeatureMaps:
     @property
     def size(self) -> tuple[int, int]:
         """Height and width, px."""
-        return self._pending.seen.size if self._pending else self.covered.shape
+        pending = self._pending
+        return pending.seen.size if pending else self.covered.shape
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Give the map of that name, (H, W)."""
-        return self._pending.map(name) if self._pending else self.values[self.names.index(name)]
+        pending = self._pending
+        return pending.map(name) if pending else self.values[self.names.index(name)]
 
     def scale_of(self, name: str) -> float:
         """Tell what the values of the map of that name were divided by; 1 where not scaled."""
-        if self._pending:
-            return self._pending.scale(name)
+        pending = self._pending
+        if pending:
+            return pending.scale(name)
         assert self.scale is not None  # __post_init__ sees to it
         return float(self.scale[self.names.index(name)])
 
     def read(self, names: Sequence[str], row: np.ndarray, column: np.ndarray) -> np.ndarray:
         """Read maps at N pixels that see the surface: (N, len(names)) float32."""
-        if self._pending:
-            return np.stack([self._pending.read(name, row, column) for name in names], axis=1)
+        pending = self._pending
+        if pending:
+            return np.stack([pending.read(name, row, column) for name in names], axis=1)
         index = np.array([self.names.index(name) for name in names])
         return self.values[index[:, None], row, column].T
 
@@ -137,8 +143,9 @@ class FeatureMaps:
         """Draw the plain raster anew, of these curves; the maps as they are where they lack one."""
         if PLAIN not in self.names:
             return self
-        if self._pending:
-            return FeatureMaps.later(self._pending.seen, curves)
+        pending = self._pending
+        if pending:
+            return FeatureMaps.later(pending.seen, curves)
         values, (height, width) = self.values.copy(), self.size
         values[self.names.index(PLAIN)] = plain_raster(curves, width, height)
         return replace(self, values=values)
