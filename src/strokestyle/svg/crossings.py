@@ -104,7 +104,7 @@ def _splines(polygons: Groups) -> np.ndarray:
     """The closed uniform quadratic B-splines of polygons (M, 2) as polylines (FINE M, 2)."""
     after = following(len(polygons.points), polygons.offsets)
     here = polygons.points.astype(np.float64)
-    before, there = np.empty_like(here), here[after]
+    before, there = np.empty_like(here), here.take(after, axis=0)
     before[after] = here
     t = np.arange(FINE)[:, None] / FINE
     w = 0.5 * (1 - t) ** 2, 0.5 + t * (1 - t), 0.5 * t * t

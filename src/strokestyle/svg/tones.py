@@ -401,7 +401,8 @@ def _laid(
         return np.zeros((0, 2)), offsets
     xy = _place(at, frames, columns)
     after = following(len(at), offsets)
-    step = np.square(xy[after] - xy).sum(axis=1)
+    way = xy.take(after, axis=0) - xy
+    step = way[:, 0] ** 2 + way[:, 1] ** 2
     far = np.flatnonzero(step > MAX_STEP**2)
     far = far[np.abs(at[after[far], 0] - at[far, 0]) <= 1.0]  # not across a closed stroke's seam
     if not len(far):
@@ -409,7 +410,7 @@ def _laid(
     pieces = np.ones(len(at), np.int64)
     pieces[far] = np.clip(np.ceil(np.sqrt(step[far]) / MAX_STEP), 1, 16)
     new, k = counting(pieces), np.repeat(np.arange(len(at)), pieces)
-    laid, between = xy[k], np.flatnonzero(new)
+    laid, between = xy.take(k, axis=0), np.flatnonzero(new)
     k = k[between]
     share = (new[between] / pieces[k])[:, None]
     laid[between] = _place(at[k] + share * (at[after[k]] - at[k]), frames, columns)
@@ -426,7 +427,9 @@ def _place(at: np.ndarray, frames: _Frames, columns: int) -> np.ndarray:
     bend = across * frame.curvature
     across = np.where(bend > FOLD, across * FOLD / np.where(bend > FOLD, bend, 1.0), across)
     normal = np.stack([-np.sin(frame.heading), np.cos(frame.heading)], axis=1)
-    return frame.xy + across[:, None] * normal
+    normal *= across[:, None]
+    normal += frame.xy
+    return normal
 
 
 # ------------------------------------------------------------------------------------------ splines
@@ -479,7 +482,7 @@ def _thinned(
     area = np.abs(areas(xy, offsets))
     kept = np.flatnonzero(area > SPECK * slack * slack)
     rows, offsets = take_ragged(offsets, kept)
-    closed, ends = _repeated(xy[rows], offsets)
+    closed, ends = _repeated(xy.take(rows, axis=0), offsets)
     enough = np.flatnonzero(simplify_all(closed, ends, slack))
     cuts, left = np.searchsorted(enough, ends), np.arange(len(kept))
     while len(enough) - len(left) > MAX_POINTS and slack < MAX_SLACK:  # the first is there twice
@@ -492,7 +495,7 @@ def _thinned(
     keep = np.zeros(len(closed), bool)
     keep[enough] = True
     rows, ends = take_ragged(ends, left)
-    return closed[rows], ends, keep[rows], kept[left]
+    return closed.take(rows, axis=0), ends, keep.take(rows), kept[left]
 
 
 def _largest_first(area: np.ndarray, group: np.ndarray) -> np.ndarray:
@@ -624,7 +627,7 @@ def _repeated(xy: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarr
     ends = np.r_[0, np.cumsum(count + 1)]
     rows = np.arange(ends[-1]) - ring
     rows[ends[1:] - 1] = offsets[:-1]
-    return xy[rows], ends
+    return xy.take(rows, axis=0), ends
 
 
 # -------------------------------------------------------------------------------------------- paths
