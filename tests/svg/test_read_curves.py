@@ -15,7 +15,7 @@ from svg_programs import small
 from strokestyle import files
 from strokestyle.geometry.bezier import flatten
 from strokestyle.geometry.curves import KINDS, Curves, kind_named
-from strokestyle.render.curve_file import load_curves
+from strokestyle.render.curve_file import load_curves, unread_properties
 from strokestyle.svg import xml
 from strokestyle.svg.path_data import draw, parse_path, parse_transform, tokens
 from strokestyle.svg.write import plain_svg, png_from_svg, write_svg
@@ -123,6 +123,25 @@ def test_chords_keep_within_the_tolerance_and_are_few(tolerance):
     along = np.clip(((fine[:, None] - xy[:-1]) * ab).sum(-1) / (ab**2).sum(-1), 0, 1)
     off = np.linalg.norm(fine[:, None] - xy[:-1] - along[..., None] * ab, axis=-1).min(axis=1).max()
     assert tolerance / 8 < off < tolerance and offsets.tolist() == [0, len(xy)]
+
+
+def test_lengths_in_units_of_a_font_are_of_one_of_16_px(tmp_path):
+    curves = load(tmp_path, '<rect x="1em" y="2rem" width="2EM" height="1ex"/>')
+    assert np.allclose([curves[0].min(axis=0), curves[0].max(axis=0)], [[16, 32], [48, 40]])
+
+
+def test_what_is_not_looked_at_is_counted(tmp_path):
+    load(
+        tmp_path,
+        '<clipPath id="c"/><mask id="m"/><path clip-path="url(#c)" d="M0 0h9"/>'
+        "<g style=\"clip-path : url(#c);mask:none;transform-box:fill-box\" mask='url(#m)'/>",
+    )
+    want = {"clip-path": 2, "mask": 1, "transform-box": 1}
+    assert unread_properties(tmp_path / "c.svg") == want
+    (tmp_path / "c.svgz").write_bytes(gzip.compress((tmp_path / "c.svg").read_bytes()))
+    assert unread_properties(tmp_path / "c.svgz") == want
+    load(tmp_path, '<path d="M0 0h9" clip-path="none"/>')
+    assert unread_properties(tmp_path / "c.svg") == {} == unread_properties("c.json")
 
 
 # ---------------------------------------------------------------------------------------- two roads
@@ -549,7 +568,7 @@ BAD = {
     "lower.svg": "<svg><!doctype x><path d='M0 0L9 9'/></svg>",
     "deep.svg": "<svg>" + "<g>" * 100_000,
     "pixels.svg": "<svg width='0'><path d='M0 0L9 9'/></svg>",
-    "unit.svg": "<svg><rect width='9em' height='9'/></svg>",
+    "unit.svg": "<svg><rect width='9ells' height='9'/></svg>",
     "shrunk.svg": "<svg><path transform='matrix(0 0 0 0 5 5)' d='M0 0L9 9'/></svg>",
     "grown.svg": "<svg><g transform='" + "scale(1e9)" * 9 + "'><path d='M0 0L9 9'/></g></svg>",
     "blown.svg": "<svg viewBox='0 0 1e-9 1e-9'><path d='M0 0C1e9 1e9 -1e9 1e9 9 9'/></svg>",

@@ -393,7 +393,7 @@ picture_options = OptionGroup(
         "--dpi",
         type=Number(9.6, 2400),
         help="Resolution of PNGs on the page, in place of --png-scale, which is in 96ths of it: "
-        "--page-size A3 --dpi 300 is 4961 x 3508 pixels.",
+        "--page-size A3 --dpi 300 is 3508 x 4961 pixels, lying for wide drawings.",
     ),
 )
 

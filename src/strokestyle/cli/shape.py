@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .messages import timed, told_warnings
+from .messages import say, timed, told_warnings
 from .options import curve_options, line_options, shape_options, view_options
 
 if TYPE_CHECKING:
@@ -160,10 +160,13 @@ class Shape:
     def _view_of_curves(self) -> View:
         """The mesh seen behind the curves of another program."""
         from ..extract.pipeline import view_of_curves
-        from ..render.curve_file import load_curves
+        from ..render.curve_file import load_curves, unread_properties
 
-        camera = self.camera()
-        curves = load_curves(self.options["curves"], (camera.width, camera.height))
+        camera, path = self.camera(), self.options["curves"]
+        curves = load_curves(path, (camera.width, camera.height))
+        if unread := unread_properties(path):
+            found = ", ".join(f"{name} {count}" for name, count in unread.items())
+            say(f"{path}: not looked at, so that curves may be longer or elsewhere: {found}")
         with timed("curves"):
             return view_of_curves(self.shown, camera, curves, self.spacing())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from .. import files as limits
@@ -9,6 +10,24 @@ from ..extract.view_file import read_curves_json
 from ..files import limited
 from ..geometry.curves import Curves
 from ..svg.read_curves import read_curves_svg
+
+_UNREAD = re.compile(
+    rb"""\b(clip-path|mask|transform-box)\s*[:=]\s*["']?\s*(?!none|view-box)[\w#(-]"""
+)
+
+
+def unread_properties(path: str | Path) -> dict[str, int]:
+    """Count what an .svg or .svgz file says of clips, masks and transform boxes, by their names.
+
+    `load_curves` does not look at these. A .json file has none. Raises ValueError where the file is
+    too large, OSError where it cannot be read.
+    """
+    if Path(path).suffix.lower() == ".json":
+        return {}
+    with open(path, "rb") as file:
+        data = limited(file.read(limits.MAX_BYTES + 1))
+    names = [name.decode() for name in _UNREAD.findall(data)]
+    return {name: names.count(name) for name in sorted(set(names))}
 
 
 def load_curves(path: str | Path, size: tuple[int, int], tolerance: float = 0.1) -> Curves:

@@ -30,6 +30,7 @@ UNITS = {
     "q": 96 / 101.6,
     "pt": 96 / 72,
     "pc": 16.0,
+    **{"em": 16.0, "rem": 16.0, "ex": 8.0, "ch": 8.0},  # of the font of browsers, if none is told
 }
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _SPACES = re.compile(rf"[{SPACE}]*")
@@ -67,7 +68,7 @@ def length(text: str, name: str, whole: float) -> float:
         return parse_number(match[1]) * whole / 100.0
     if not match or match[2].lower() not in UNITS:
         raise ValueError(
-            f'{name}="{quoted(text)}" is no length; use a number, or one in px, mm, cm, in, pt or %'
+            f'{name}="{quoted(text)}" is no length; use a number, or one in px, mm, in, pt, em or %'
         )
     return parse_number(match[1]) * UNITS[match[2].lower()]
 
