@@ -37,6 +37,16 @@ VIEWS = 5  # further ones of a mesh
 UNIT = 1 if sys.platform == "darwin" else 1024  # bytes of ru_maxrss
 COMMAND = "from strokestyle.cli import main; main()"  # it is there in every layout
 
+CLOCK = """
+import json, resource, subprocess, sys, time
+start = time.perf_counter()
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
+wall = time.perf_counter() - start
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps([wall, used.ru_utime, used.ru_stime, used.ru_maxrss]))
+sys.exit(code)
+"""  # runs a command, and prints what it took
+
 Measured = dict[str, float]  # by measure: "wall s", "CPU s", "MB"
 
 
@@ -86,19 +96,17 @@ def environment(source: Path) -> dict[str, str]:
 
 
 def measured(source: Path, *words: Any) -> Measured:
-    start = time.perf_counter()
-    process = subprocess.Popen(
-        [sys.executable, *map(str, words)], env=environment(source), stdout=subprocess.DEVNULL
-    )
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if status:
+    """Run Python with these words, as the child of a small process.
+
+    A process begins with the peak memory of the one that it was forked from (Linux), and this one's
+    is large.
+    """
+    command = [sys.executable, "-c", CLOCK, sys.executable, *map(str, words)]
+    done = subprocess.run(command, env=environment(source), stdout=subprocess.PIPE, check=False)
+    if done.returncode:
         sys.exit(f"{source}: {' '.join(map(str, words))} failed")
-    return {
-        "wall s": time.perf_counter() - start,
-        "CPU s": usage.ru_utime + usage.ru_stime,
-        "MB": usage.ru_maxrss * UNIT / 1e6,
-    }
+    wall, user, system, most = json.loads(done.stdout)
+    return {"wall s": wall, "CPU s": user + system, "MB": most * UNIT / 1e6}
 
 
 @contextlib.contextmanager

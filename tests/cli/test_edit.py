@@ -316,3 +316,21 @@ def test_thickness_there_and_back_wears_little_of_tones():
         data = edited(data, "--thickness", factor)
         assert read_svg(data).texture.margin == pytest.approx(whole * margin, abs=0.01)
     assert len(data) == pytest.approx(size, rel=0.05)
+
+
+@pytest.mark.parametrize("texture", ["image", "vector"])
+def test_thickness_of_some_strokes_there_and_back_wears_nothing(texture):
+    first = data = write_svg(with_parts(small("grain")), texture=texture).encode()
+    for _ in range(3):
+        thick = edited(data, "--thickness", "contour=1.5", "--thickness", "crease,contour=1.2")
+        data = edited(
+            thick, "--thickness", "crease,contour=.8333333", "--thickness", "contour=.6666667"
+        )
+    assert thick != first
+    if texture == "image":
+        assert data == first
+    was, got = read_svg(first), read_svg(data)
+    assert got.strokes.thickness == pytest.approx(was.strokes.thickness, abs=0.003)
+    assert len(data) == pytest.approx(len(first), rel=0.01)
+    ratio = read_svg(thick).strokes.thickness / was.strokes.thickness
+    assert sorted(set(np.round(ratio, 1).tolist())) == [1.0, 1.2, 1.8]

@@ -11,6 +11,7 @@ from svg_programs import GOLDEN, small
 
 from strokestyle.drawing.edit import thicken
 from strokestyle.drawing.strokes import Drawing, Strokes, Texture
+from strokestyle.geometry.curves import KINDS
 from strokestyle.svg import rescale
 from strokestyle.svg.path_data import parse_path
 from strokestyle.svg.read import read_svg, read_svg_file
@@ -20,8 +21,12 @@ from strokestyle.svg.write import png_from_svg, write_svg
 TEXT = write_svg(small("grain"), texture="vector", title="a")
 
 
+def all_by(factor):
+    return lambda kinds, parts: np.full(len(kinds), factor)
+
+
 def scaled(text, factor):
-    made = thickened_svg(text.encode(), factor)
+    made = thickened_svg(text.encode(), all_by(factor))
     assert made is not None
     return made[0]
 
@@ -32,7 +37,7 @@ def pixels(text):
 
 
 def test_a_factor_of_one_changes_no_letter():
-    assert thickened_svg(TEXT.encode(), 1.0) == (TEXT, 5)
+    assert thickened_svg(TEXT.encode(), all_by(1.0)) == (TEXT, 5)
     wide = write_svg(drawing(texture="grain"), texture="vector")
     assert scaled(wide, 1.0) == wide
 
@@ -114,17 +119,17 @@ def heights(text):
 )
 def test_what_a_hand_worked_on_is_read_as_a_drawing(change):
     text = TEXT.replace(*change, 1)
-    assert text != TEXT and thickened_svg(text.encode(), 1.25) is None
+    assert text != TEXT and thickened_svg(text.encode(), all_by(1.25)) is None
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.4, 3.0, 100.0])
 def test_large_factors_are_drawn_anew(factor):
-    assert thickened_svg(TEXT.encode(), factor) is None
+    assert thickened_svg(TEXT.encode(), all_by(factor)) is None
 
 
 @pytest.mark.parametrize("texture", [None, "colours"])
 def test_other_encodings_are_read_as_drawings(texture):
-    assert thickened_svg(write_svg(small(texture)).encode(), 1.25) is None
+    assert thickened_svg(write_svg(small(texture)).encode(), all_by(1.25)) is None
 
 
 def test_a_file_that_inkscape_saved_is_scaled_as_ours_is():
@@ -134,3 +139,25 @@ def test_a_file_that_inkscape_saved_is_scaled_as_ours_is():
         pattern = rf'\s{name}="([^"]*)"'
         assert re.findall(pattern, theirs) == re.findall(pattern, ours) != []
     assert "sodipodi:namedview" in theirs
+
+
+def test_strokes_of_factor_one_stay_to_the_letter():
+    """Of two kinds; what a hand did to the others does not matter."""
+    text = TEXT.replace('id="s000" class="stroke"', 'id="s000" class="stroke" opacity=".5"', 1)
+    assert text != TEXT
+
+    def contours(kinds, parts):
+        assert parts is None
+        return np.where(kinds == KINDS.index("contour"), 1.25, 1.0)
+
+    made = thickened_svg(text.encode(), contours)
+    assert made is not None
+    layers = [re.split('(?=<g id="layer)', each) for each in (text, made[0])]
+    assert [a == b for a, b in zip(*layers, strict=True)] == [True, True, True, True, False]
+    once = made[0]
+    for _ in range(2):
+        back = thickened_svg(made[0].encode(), lambda *lines: 1 / contours(*lines))
+        assert back is not None
+        made = thickened_svg(back[0].encode(), contours)
+        assert made is not None
+    assert made[0] == once  # as often as one likes

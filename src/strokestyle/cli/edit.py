@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import functools
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from itertools import islice
@@ -33,11 +33,12 @@ from .outputs import (
 )
 
 if TYPE_CHECKING:
+    import numpy as np
     from click.shell_completion import CompletionItem
 
     from ..drawing.strokes import Drawing
     from ..svg.read import SvgFile
-    from .edit_text import Edit, NamedDrawing
+    from .edit_text import Edit, NamedDrawing, Thickness
 
 
 class GivenEdit(NamedTuple):
@@ -193,58 +194,67 @@ def edit(
         look["background"] = None
     check_look(look)
     check_outputs(outputs, [drawing] if drawing != "-" else [])
-    factor = None if look else factor_of_all(edits)
-    if factor is None:
+    changes = thicknesses(edits)
+    if look or changes is None:
         text, count, lost = edited_text(drawing, edits, look, seed)
     else:
-        text, count, lost = thickened(drawing, factor)
+        text, count, lost = thickened(drawing, changes)
     write_drawing(outputs, text, PngLook(scale, None if clear else "#ffffff"))
     say(f"{drawing}: {count} strokes -> {', '.join(outputs)}{lost}")
 
 
-def thickened(drawing: str, factor: float) -> tuple[str, int, str]:
-    """What `edited_text` gives, where all thicknesses are multiplied and nothing else is asked for.
+def thickened(drawing: str, changes: Sequence[Thickness]) -> tuple[str, int, str]:
+    """What `edited_text` gives, where thicknesses are multiplied and nothing else is asked for.
 
     Tones are scaled in the file itself. Any other texture is drawn anew, from the file as it was
     before its thickness was changed for the first time, which goes along in the new one; where all
     factors since then make 1, that file it is.
     """
+    import numpy as np
+
     from ..svg.original import Original, keep_original, original_of
-    from ..svg.read import count_strokes
     from ..svg.rescale import thickened_svg
     from ..svg.write import write_svg
+    from .edit_text import factors_of
 
-    data = sys.stdin.buffer.read() if drawing == STANDARD_OUTPUT else Path(drawing).read_bytes()
+    piped = drawing == STANDARD_OUTPUT
+    data = sys.stdin.buffer.read() if piped else Path(drawing).read_bytes()
     before = quickly = None
     try:
         with timed("thickness"):
-            before = original_of(data, factor)
-            if before is not None:
-                data, factor = before
-                if factor == 1.0:
-                    return data.decode("utf-8"), count_strokes(data), ""
-            quickly = thickened_svg(data, factor)
+            before = original_of(data)
+            if before is None:
+                quickly = thickened_svg(data, functools.partial(factors_of, changes))
     except ValueError:  # it is said where the file is read as a drawing
         pass
     if quickly is not None:
         return (*quickly, "")
-    with timed("read the drawing"):
-        known = before is not None or drawing == STANDARD_OUTPUT
-        found = read_drawing(drawing, data if known else None)
+    found, factor = None, None
+    if before is not None:
+        with timed("read the drawing"):
+            found = read_drawing(drawing, before.data)
+        factor = before.times(factors_of(changes, found.drawing.strokes.kind, found.drawing.parts))
+        if factor is not None and (factor == 1.0).all():
+            return before.data.decode("utf-8"), len(found.ids), ""
+    if before is None or found is None or factor is None:
+        with timed("read the drawing"):
+            found = read_drawing(drawing, data if piped else None)
+        before = Original(data, np.ones(1))
+        factor = factors_of(changes, found.drawing.strokes.kind, found.drawing.parts)
     edited = thicker(found.drawing, factor)
     with timed("write the SVG"):
         text = write_svg(edited, found.options, ids=found.ids, kept=found.kept)
-    if edited.texture is not None and factor != 1.0:
-        text = keep_original(text, Original(data, factor))
+    if edited.texture is not None and (factor != 1.0).any():
+        text = keep_original(text, Original(before.data, factor))
     return text, len(found.ids), left_out(found)
 
 
-def factor_of_all(edits: Sequence[GivenEdit]) -> float | None:
-    """The factor that edits multiply all thicknesses by; None where they do anything else."""
+def thicknesses(edits: Sequence[GivenEdit]) -> list[Thickness] | None:
+    """The edits, where all are of thickness and there is one at least; else None."""
     from .edit_text import Thickness
 
-    factors = [edit.apply.factor for edit in edits if isinstance(edit.apply, Thickness)]
-    return math.prod(factors) if 0 < len(factors) == len(edits) else None
+    changes = [edit.apply for edit in edits if isinstance(edit.apply, Thickness)]
+    return changes if 0 < len(changes) == len(edits) else None
 
 
 def edited_text(
@@ -252,15 +262,16 @@ def edited_text(
 ) -> tuple[str, int, str]:
     """The SVG of an edited drawing, its number of strokes, and what was left out."""
     from ..svg.write import write_svg
-    from .edit_text import NamedDrawing
+    from .edit_text import NamedDrawing, factors_of
 
     with timed("read the drawing"):
         found = read_drawing(drawing)
-    factor = factor_of_all(edits)
-    if factor is None:
-        edited = make_edits(edits, NamedDrawing(found.drawing, found.ids), seed)
+    changes, drawn = thicknesses(edits), found.drawing
+    if changes is None:
+        edited = make_edits(edits, NamedDrawing(drawn, found.ids), seed)
     else:
-        edited = NamedDrawing(thicker(found.drawing, factor), found.ids)
+        factor = factors_of(changes, drawn.strokes.kind, drawn.parts)
+        edited = NamedDrawing(thicker(drawn, factor), found.ids)
     if not edited.ids:
         raise ValueError(f"{drawing}: --drop takes out all {len(found.ids)} strokes: drop fewer")
     with timed("write the SVG"):
@@ -268,14 +279,16 @@ def edited_text(
     return text, len(edited.ids), left_out(found)
 
 
-def thicker(drawing: Drawing, factor: float) -> Drawing:
-    """The drawing with all thicknesses multiplied; little, texture is drawn out across strokes."""
+def thicker(drawing: Drawing, factor: np.ndarray) -> Drawing:
+    """The drawing with thicknesses multiplied, (C,); a little, texture is drawn out across."""
     from ..drawing.edit import scale_across, thicken
     from ..svg.rescale import FACTORS
 
-    within = FACTORS[0] <= factor <= FACTORS[1]
     with timed("thickness"):
-        return (scale_across if within else thicken)(drawing, factor)
+        for each in sorted({*factor.tolist()} - {1.0}):
+            within = FACTORS[0] <= each <= FACTORS[1]
+            drawing = (scale_across if within else thicken)(drawing, each, factor == each)
+    return drawing
 
 
 def make_edits(edits: Iterable[GivenEdit], drawing: NamedDrawing, seed: int) -> NamedDrawing:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from ..drawing.edit import keep, move, recolor, simplify, smooth, taper, thicken
 from ..drawing.strokes import Drawing, Strokes, lengths
 from ..geometry.curves import is_kind
 from ..geometry.kinds import KINDS
-from ..geometry.parts import part_name
+from ..geometry.parts import Parts, part_name
 from .model import read_style
 
 
@@ -104,21 +104,37 @@ def parse_edit(name: str, text: str) -> Edit:
         color = _color(value)
         return _on_named(names, lambda drawing, only, seed: recolor(drawing, color, only))
     edit = _on_named(names, _parse_numeric(name, value))
-    if name == "thickness" and not names:
-        return Thickness(_numbers(value, "--thickness", 1)[0], edit)
+    if name == "thickness":
+        return Thickness(_numbers(value, "--thickness", 1)[0], names, edit)
     return edit
 
 
 @dataclass(frozen=True)
 class Thickness:
-    """The edit that multiplies every thickness by a factor."""
+    """The edit that multiplies the thickness of strokes by a factor, of all where no name is given.
+
+    `names` are of kinds and parts, as the command line has them.
+    """
 
     factor: float
+    names: str
     edit: Edit
 
     def __call__(self, named: NamedDrawing, seed: int) -> NamedDrawing:
         """Make the edit."""
         return self.edit(named, seed)
+
+
+def factors_of(changes: Sequence[Thickness], kind: np.ndarray, parts: Parts | None) -> np.ndarray:
+    """Tell by what changes multiply the thickness of strokes (C,) of kinds (C,) and parts.
+
+    Raises ValueError on a name that is neither a kind nor one of the parts.
+    """
+    factor = np.ones(len(kind))
+    for change in changes:
+        only = lines_named(kind, parts, change.names) if change.names else slice(None)
+        factor[only] *= change.factor
+    return factor
 
 
 # -------------------------------------------------------------------------- edits of named strokes
@@ -137,12 +153,17 @@ def _on_named(names: str, edit: StrokesEdit) -> Edit:
 
 
 def strokes_named(drawing: Drawing, names: str) -> np.ndarray:
-    """Find the strokes (C,) bool of kinds and parts, as "contour,wheel" names them.
+    """Find the strokes (C,) bool of a drawing as `lines_named` does."""
+    return lines_named(drawing.strokes.kind, drawing.parts, names)
+
+
+def lines_named(kind: np.ndarray, of_parts: Parts | None, names: str) -> np.ndarray:
+    """Find the lines (C,) bool of kinds and parts, as "contour,wheel" names them.
 
     Where a name is both, it is the kind. Raises ValueError on a name that is neither, telling those
     that there are.
     """
-    parts = () if drawing.parts is None else drawing.parts.names
+    parts = () if of_parts is None else of_parts.names
     whole = part_name(names) in parts  # a part's name may hold commas
     each = [names] if whole else names.split(",")
     wanted = [name for name in map(part_name, each) if name]
@@ -154,10 +175,10 @@ def strokes_named(drawing: Drawing, names: str) -> np.ndarray:
             f"there are the kinds {', '.join(KINDS)} and "
             f"{f'the parts {few}' if parts else 'no named parts'}"
         )
-    chosen = is_kind(drawing.strokes.kind, tuple(name for name in wanted if name in KINDS))
-    if drawing.parts is not None:
+    chosen = is_kind(kind, tuple(name for name in wanted if name in KINDS))
+    if of_parts is not None:
         index = [parts.index(name) for name in wanted if name not in KINDS]
-        chosen |= np.isin(drawing.parts.index, index)
+        chosen |= np.isin(of_parts.index, index)
     return chosen
 
 

@@ -66,7 +66,7 @@ def thicken(drawing: Drawing, factor: float, only: np.ndarray | None = None) -> 
     return _reshape(drawing, lambda line: replace(line, thickness=line.thickness * factor), only)
 
 
-def scale_across(drawing: Drawing, factor: float) -> Drawing:
+def scale_across(drawing: Drawing, factor: float, only: np.ndarray | None = None) -> Drawing:
     """Multiply every thickness and margin by `factor`; strips stay as they are to the last texel.
 
     Grain is drawn out across strokes by the factor, where `thicken` would resample it, and so a
@@ -74,14 +74,12 @@ def scale_across(drawing: Drawing, factor: float) -> Drawing:
     """
     check_range("factor", factor, 0.0, 1000.0)
     strokes, texture = drawing.strokes, drawing.texture
+    each = np.full(len(strokes), factor) if only is None else np.where(only, factor, 1.0)
     if texture is not None:
-        margin = np.minimum(factor * texture.margin, MAX_MARGIN)
+        margin = np.minimum(each * texture.margin, MAX_MARGIN)
         texture = replace(texture, margin=margin)
-    return replace(
-        drawing,
-        strokes=replace(strokes, thickness=factor * strokes.thickness),
-        texture=texture,
-    )
+    thickness = each.repeat(np.diff(strokes.offsets)) * strokes.thickness
+    return replace(drawing, strokes=replace(strokes, thickness=thickness), texture=texture)
 
 
 def wiggle(

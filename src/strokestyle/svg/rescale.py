@@ -8,7 +8,7 @@ inverse give what there was, and what the file holds besides stays to the letter
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,14 +16,15 @@ import numpy as np
 from ..drawing.strokes import MAX_MARGIN
 from ..files import limited
 from ..geometry.affine import IDENTITY
-from ..geometry.curves import counting, owner
+from ..geometry.curves import KINDS, counting, kind_named, owner
+from ..geometry.parts import Parts, part_name
 from .format import MARGIN_DECIMALS, TONE_UNIT, WIDTH_DECIMALS, Data, SvgOptions
 from .landmarks import landmarks
 from .markup import number, numbers, units
 from .read_elements import ElementReader, StrokeElement
 from .read_stroke import drawn_stroke, read_centre_line, read_widths
 from .read_texture import MAX_RINGS, TONES
-from .tones import Tones, edge_of, tone_shapes
+from .tones import Tones, ToneShape, edge_of, tone_shapes
 from .write import edge_at
 
 FACTORS = (0.5, 1.6)  # beyond, grain would be drawn out across strokes too much
@@ -35,6 +36,9 @@ AT_ONCE = 1 << 18  # of these pairs
 _LETTERS = str.maketrans("Mmqt", "    ")
 
 
+Factors = Callable[[np.ndarray, "Parts | None"], np.ndarray]  # (kinds, parts) -> of each stroke
+
+
 class _Rings(NamedTuple):
     """Rings of tones as polygons, like those of `Tones`, and whose they are."""
 
@@ -44,11 +48,17 @@ class _Rings(NamedTuple):
     tone: np.ndarray
 
 
-def thickened_svg(data: bytes, factor: float) -> tuple[str, int] | None:
-    """Multiply every thickness in a file of ours by `factor`: its text, and its number of strokes.
+def thickened_svg(data: bytes, factors: Factors) -> tuple[str, int] | None:
+    """Multiply thicknesses in a file of ours: its text, and its number of strokes.
 
-    None where the file has to be read as a drawing: where a stroke is not in tones and as we write
-    it, or the factor is not within FACTORS. Raises ValueError as `read_svg` does.
+    None where the file has to be read as a drawing: where a stroke that changes is not in tones and
+    as we write it, or a factor is not within FACTORS. Raises ValueError as `read_svg` does.
+
+    Parameters
+    ----------
+    data : the file
+    factors : told the kinds (C,) and parts of its strokes, gives the factor (C,) of each; what has
+        1 stays to the letter
     """
     data = limited(data)
     found = ElementReader()
@@ -58,27 +68,51 @@ def thickened_svg(data: bytes, factor: float) -> tuple[str, int] | None:
     same_page = found.root.get("viewBox", "") == found.root.get(Data.PAGE)
     if others or not (found.strokes and same_page and options.texture == "vector"):
         return None
-    if not FACTORS[0] <= factor <= FACTORS[1]:
+    every = factors(*kinds_and_parts(found))
+    if not FACTORS[0] <= every.min() <= every.max() <= FACTORS[1]:
         return None
-    if not all(_is_as_written(data, stroke) for stroke in found.strokes):
+    changed = np.flatnonzero(every != 1.0)
+    strokes, factor = [found.strokes[i] for i in changed.tolist()], every[changed]
+    drawn = _thicker_tones(data, strokes, factor) if strokes else []
+    if drawn is None:
         return None
-    rings = _rings([[s.attributes.get("d", "") for s in e.shapes] for e in found.strokes])
-    if rings is None or not _are_where_written(found.strokes, rings):
-        return None
-    points = rings.points + _steps_away(found.strokes, rings, factor)
-    depth = 1 + int(rings.tone.max())
-    shown = np.zeros((len(found.strokes), depth))
-    regions = Tones(
-        shown, np.zeros((*shown.shape, 3)), points, rings.offsets, rings.stroke, rings.tone
-    )
     made, at = [], 0
-    for stroke, shapes in zip(found.strokes, tone_shapes(regions), strict=True):
+    for stroke, shapes, k in zip(strokes, drawn, factor.tolist(), strict=True):
         end = data.find(b">", stroke.end) + 1
         texts = [shape.d for shape in shapes]
-        given = _data(stroke, factor) | {Data.AT: edge_at(shapes[0].edge)}
+        given = _data(stroke, k) | {Data.AT: edge_at(shapes[0].edge)}
         made += [data[at : stroke.begin], _replaced(data[stroke.begin : end], texts, given)]
         at = end
     return b"".join([*made, data[at:]]).decode("utf-8"), len(found.strokes)
+
+
+def kinds_and_parts(found: ElementReader) -> tuple[np.ndarray, Parts | None]:
+    """Tell the kinds (C,) and the parts of the strokes of a file."""
+    kinds = [kind_named(stroke.attributes.get(Data.CLASS, "")) for stroke in found.strokes]
+    kinds = [KINDS.index("other") if kind is None else kind for kind in kinds]
+    names = [part_name(stroke.attributes.get(Data.PART, "")) for stroke in found.strokes]
+    return np.array(kinds, np.int8), Parts.of_names(names)
+
+
+def _thicker_tones(
+    data: bytes, strokes: Sequence[StrokeElement], factor: np.ndarray
+) -> Iterable[list[ToneShape]] | None:
+    """The tones of strokes whose thicknesses are multiplied (C,); None where one is not as written.
+
+    There is one stroke at least.
+    """
+    if not all(_is_as_written(data, stroke) for stroke in strokes):
+        return None
+    rings = _rings([[s.attributes.get("d", "") for s in e.shapes] for e in strokes])
+    if rings is None or not _are_where_written(strokes, rings):
+        return None
+    points = rings.points + _steps_away(strokes, rings, factor)
+    depth = 1 + int(rings.tone.max())
+    shown = np.zeros((len(strokes), depth))
+    regions = Tones(
+        shown, np.zeros((*shown.shape, 3)), points, rings.offsets, rings.stroke, rings.tone
+    )
+    return tone_shapes(regions)
 
 
 def _is_as_written(data: bytes, stroke: StrokeElement) -> bool:
@@ -161,8 +195,11 @@ def _are_where_written(strokes: Sequence[StrokeElement], rings: _Rings) -> bool:
     return True
 
 
-def _steps_away(strokes: Sequence[StrokeElement], rings: _Rings, factor: float) -> np.ndarray:
-    """By how many units (n, 2) the rings' points go away from the centre lines of their strokes."""
+def _steps_away(strokes: Sequence[StrokeElement], rings: _Rings, factor: np.ndarray) -> np.ndarray:
+    """By how many units (n, 2) the rings' points go away from the centre lines of their strokes.
+
+    `factor` (C,) is by stroke.
+    """
     lines = [_dense(stroke) for stroke in strokes]
     xy = np.concatenate(lines)
     whose = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
@@ -178,7 +215,8 @@ def _steps_away(strokes: Sequence[StrokeElement], rings: _Rings, factor: float) 
         beside = points - xy[near] - share[:, None] * along
         closer = np.hypot(*beside.T) < np.hypot(*away.T)
         away = np.where(closer[:, None], beside, away)
-    return np.rint((factor - 1.0) * away / (2 * TONE_UNIT)).astype(np.int64)
+    more = (factor - 1.0)[of, None]
+    return np.rint(more * away / (2 * TONE_UNIT)).astype(np.int64)
 
 
 def _nearest(points: np.ndarray, of: np.ndarray, lines: list[np.ndarray]) -> np.ndarray:
