@@ -6,7 +6,7 @@ import time
 import pytest
 
 from strokestyle.geometry import threads
-from strokestyle.geometry.threads import each
+from strokestyle.geometry.threads import at_once, each
 
 
 def test_what_is_made_lies_in_the_order_of_the_items(monkeypatch):
@@ -44,3 +44,43 @@ def test_as_many_threads_as_are_said_or_as_there_are_cores(monkeypatch, said, co
     if said is not None:
         monkeypatch.setenv("OMP_NUM_THREADS", said)
     assert threads.threads() == count
+
+
+def test_both_are_at_work_at_once_and_the_first_in_its_callers_thread(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    met, callers = threading.Barrier(2, timeout=20), threading.get_ident()
+
+    def meet(what):
+        met.wait()
+        return what, threading.get_ident()
+
+    (one, here), (other, there) = at_once(lambda: meet("one"), lambda: meet("other"))
+    assert (one, other) == ("one", "other")
+    assert here == callers != there
+
+
+def test_errors_are_raised_once_both_are_over(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    over = []
+
+    def failing(name):
+        raise ValueError(name)
+
+    with pytest.raises(ValueError, match="first"):
+        at_once(lambda: failing("first"), lambda: over.append("second"))
+    assert over == ["second"]
+    with pytest.raises(ValueError, match="second"):
+        at_once(lambda: over.append("first"), lambda: failing("second"))
+    with pytest.raises(ValueError, match="first"):
+        at_once(lambda: failing("first"), lambda: failing("second"))
+
+
+def test_one_thread_does_one_after_the_other(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    here, order = threading.get_ident(), []
+
+    def work():
+        order.append(threading.get_ident())
+        return len(order)
+
+    assert at_once(work, work) == (1, 2) and order == [here, here]

@@ -115,7 +115,7 @@ def fit(
             "try another --view"
         )
     from ..fit.exemplar import load_exemplar
-    from ..fit.threads import at_once
+    from ..geometry.threads import at_once
 
     with timed("read the drawing"), told_warnings():
         size = view.camera.width, view.camera.height

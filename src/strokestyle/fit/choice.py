@@ -10,11 +10,11 @@ from scipy.spatial import cKDTree
 
 from ..extract.view import View
 from ..geometry.curves import Curves, arc_length, owner, tangents
+from ..geometry.threads import each
 from ..render.choice import ALL_DRAWN, LineChoice, chosen_points, learn_choice, without_short_runs
 from ..render.config import StyleConfig
 from .align import aligned_curves
 from .observe import sample_image
-from .threads import each_at_once
 
 REFERENCE = 768.0  # px, the longer side of the canvas that lengths are given for
 MIN_SCALE = 0.6  # of them, on a small canvas: pens are not made as small
@@ -59,11 +59,11 @@ class InkField:
         peak = np.maximum(ndimage.maximum_filter(depth, size), 1.0)
         middle = np.clip(depth / peak, 0.0, 1.0) * np.clip(mask / 0.5, 0.0, 1.0)
         gather = max(MIN_GATHER, GATHER_HALF_WIDTHS * half)
-        gx, gy = each_at_once(
+        gx, gy = each(
             lambda order: ndimage.gaussian_filter(mask, GRADIENT_SIGMA, order=order),
             ((0, 1), (1, 0)),
         )
-        xx, yy, xy = each_at_once(
+        xx, yy, xy = each(
             lambda part: ndimage.gaussian_filter(part, gather), (gx * gx, gy * gy, gx * gy)
         )
         # strokes run at right angles to the gradient

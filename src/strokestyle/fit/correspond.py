@@ -15,8 +15,8 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from ..geometry.curves import arc_length, owner
+from ..geometry.threads import each
 from .observe import INK_LEVEL, PROBE_STEP, sample_image
-from .threads import each_at_once
 
 # Costs are logarithms of probabilities, up to a constant. Set by hand; no ablation is kept.
 RUNS = 4  # nearest runs of ink that are looked at across a point
@@ -58,7 +58,7 @@ class InkField:
         smooth = ndimage.gaussian_filter(np.asarray(mask, np.float64), 1.0)
         dy, dx = np.gradient(smooth)
         sigma = max(2.0, half)
-        xx, yy, xy = each_at_once(
+        xx, yy, xy = each(
             lambda part: ndimage.gaussian_filter(part, sigma, truncate=3.0),
             (dx * dx, dy * dy, dx * dy),
         )

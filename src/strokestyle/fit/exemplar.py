@@ -16,13 +16,13 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from ..geometry.threads import at_once
 from .ground import ground_field, printed_lines
 from .image_file import Scan, read_image
 from .layout import Placing, lay, sheet_placings, whole_placings
 from .pencil import pencil_lines
 from .registration import Homography, Registration, register
 from .sheet import Sheet, find_sheet
-from .threads import at_once
 
 # The numbers below were set by hand; no ablation of them is kept.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from .threads import each_at_once
+from ..geometry.threads import each
 
 # The numbers below were set by hand; no ablation of them is kept.
 
@@ -60,7 +60,7 @@ def ground_field(rgb: np.ndarray) -> np.ndarray:
             for a, b in zip(cols[:-1], cols[1:], strict=True)
         ]
 
-    blocks = np.array(each_at_once(medians, range(len(rows) - 1)))
+    blocks = np.array(each(medians, range(len(rows) - 1)))
     blocks = _without_ink(blocks)
     blocks = ndimage.gaussian_filter(blocks, (GROUND_SIGMA, GROUND_SIGMA, 0), mode="nearest")
     grid = np.meshgrid(_in_blocks(rows, height), _in_blocks(cols, width), indexing="ij")
@@ -138,7 +138,7 @@ def printed_lines(rgb: np.ndarray, ground: np.ndarray) -> np.ndarray | None:
     Returns (H, W, 3), what is left of the light where they are; None where there are none.
     """
     through = (rgb / np.maximum(ground, 1e-3)).astype(np.float32)
-    across, along = each_at_once(_printed_across, (through, through.swapaxes(0, 1)))
+    across, along = each(_printed_across, (through, through.swapaxes(0, 1)))
     if across is None and along is None:
         return None
     out = np.ones_like(through)

@@ -16,10 +16,10 @@ import numpy as np
 from scipy import ndimage
 
 from ..drawing.strokes import Strokes
+from ..geometry.threads import each
 from ..render.plan import Planned
 from .observe import Observation
 from .own_ink import nearest_strokes
-from .threads import each_at_once
 
 # Set by hand on drawings with and without hatching; no ablation is kept.
 INK, EDGE = 0.5, 0.25  # of the mask: what is ink, and what may be its soft edge
@@ -128,10 +128,10 @@ def ink_directions(mask: np.ndarray) -> Directions:
 
     The eigenvector of the lesser eigenvalue, and the difference of both by their sum.
     """
-    gx, gy = each_at_once(
+    gx, gy = each(
         lambda order: ndimage.gaussian_filter(mask, GRADIENT_SIGMA, order=order), ((0, 1), (1, 0))
     )
-    xx, xy, yy = each_at_once(
+    xx, xy, yy = each(
         lambda part: ndimage.gaussian_filter(part, TENSOR_SIGMA), (gx * gx, gx * gy, gy * gy)
     )
     across = 0.5 * np.arctan2(2 * xy, xx - yy)

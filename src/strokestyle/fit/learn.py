@@ -10,6 +10,7 @@ from scipy import ndimage
 from ..drawing.strokes import Strokes
 from ..extract.view import View
 from ..geometry.curves import arc_length, owner
+from ..geometry.threads import at_once
 from ..render.choice import without_short_runs
 from ..render.config import HAIR, StyleConfig
 from ..render.displacement import Frame, across_strokes, displaced
@@ -31,7 +32,6 @@ from .progress import Report, Reporter
 from .restate import Passes, find_passes
 from .texture import learn_texture
 from .thickness import learn_thickness
-from .threads import at_once
 from .trace import MaskPyramid, Traced, affordable_steps, optimise_strokes
 
 FEATURE_RANGE = 0.5, 99.5  # percentiles of the training strokes' features; what lies beyond is cut

@@ -15,13 +15,13 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from ..extract.view import View
 from ..geometry.curves import blurred, simplify
+from ..geometry.threads import each
 from ..render.config import StyleConfig
 from ..render.displacement import CUTS, across_strokes
 from ..render.features import plan
 from ..render.plan import CUT_SIGMA, HEADING_SPAN, Planned, corners, turns
 from .observe import INK_LEVEL, measure_across, sample_image
 from .pen_ends import Probes, probe_ends
-from .threads import each_at_once
 
 REACH = 72.0  # px past ends as far as which ink is followed
 REACH_SHARE = 95  # percentile of the overshoots that strokes are planned to reach
@@ -267,7 +267,7 @@ def _cut_tolerance(lines: _Lines, least_corner: float) -> tuple[float, np.ndarra
         probes = probe_ends(pieces, lines.mask, lines.thickness, REACH, lines.spacing, others)
         return pieces, inner, probes
 
-    for tolerance, (pieces, inner, probes) in zip(CUTS, each_at_once(cut, CUTS), strict=True):
+    for tolerance, (pieces, inner, probes) in zip(CUTS, each(cut, CUTS), strict=True):
         told = probes.clear & inner
         shot = probes.past[told] > 0
         if not shot.any() or shot.mean() < MOST_CORNERS:

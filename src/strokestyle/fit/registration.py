@@ -18,7 +18,7 @@ import numpy as np
 from scipy import fft, ndimage
 from scipy.spatial import cKDTree
 
-from .threads import each_at_once
+from ..geometry.threads import each
 
 # what is looked for: of the canvas, degrees, of size, of size from one side to the other
 MAX_SHIFT, MAX_ANGLE, MAX_SCALE, MAX_TILT = 0.07, 7.0, 0.07, 0.08
@@ -244,7 +244,7 @@ def register(mask: np.ndarray, curve_points: np.ndarray) -> Registration:
     stay = found = Homography(np.eye(3), size)
     starts = _coarse_starts(ink.xy, curve_points, size)
     families = (ALL, KEYSTONE, SCALE, TURN, SHIFT)  # the slowest first
-    refined = each_at_once(lambda free: matcher.refined(starts[free], free), families)
+    refined = each(lambda free: matcher.refined(starts[free], free), families)
     best = dict(zip(families, refined, strict=True))
     for free in (SHIFT, TURN, SCALE):
         tried = best[free]

@@ -12,10 +12,10 @@ from ..drawing.raster import rasterise
 from ..drawing.strokes import Drawing
 from ..extract.view import View
 from ..geometry.curves import arc_length
+from ..geometry.threads import each
 from .exemplar import Exemplar
 from .learn import Learned
 from .own_ink import ASTRAY, nearest_strokes, unexplained_ink
-from .threads import each_at_once
 from .train import Fitted
 
 # Colours that the colour-blind tell apart (Okabe and Ito 2008)
@@ -115,7 +115,7 @@ def fit_report(view: View, exemplar: Exemplar, fitted: Fitted) -> np.ndarray:
         marked = np.repeat(1 - exemplar.mask[..., None], 3, axis=2)
     else:
         marked = marked_drawing(view, exemplar, fitted, fitted.learned)
-    panels = [exemplar.rgb, marked, *each_at_once(_on_white, (flat, drawing))]
+    panels = [exemplar.rgb, marked, *each(_on_white, (flat, drawing))]
     return np.concatenate(panels, axis=1).astype(np.float32)
 
 

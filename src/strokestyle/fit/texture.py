@@ -11,6 +11,7 @@ from ..drawing.ribbon import Ribbon, across, ribbon, strip_points, strip_stretch
 from ..drawing.strip import straight
 from ..drawing.strokes import Strokes
 from ..geometry.curves import owner
+from ..geometry.threads import each
 from ..render.texture_bank import (
     INK_SIGMA,
     ROWS,
@@ -26,7 +27,6 @@ from ..render.texture_bank import (
 from .exemplar import Exemplar
 from .flatness import evenness
 from .own_ink import InkOwners, Texels, ink_margin, nearest_strokes
-from .threads import each_at_once
 
 # Set by hand; no ablation is kept.
 STRETCH = 0.4, 2.0  # length along the strip by length along the stroke: beyond, a bend folds it
@@ -104,7 +104,7 @@ def cut_strips(
     """
     columns = bank_columns(rows, margin)
     planes = [exemplar.ink[..., k] * exemplar.alpha for k in range(3)] + [exemplar.alpha]
-    planes = each_at_once(lambda one: ndimage.spline_filter(one, 3, output=np.float32), planes)
+    planes = each(lambda one: ndimage.spline_filter(one, 3, output=np.float32), planes)
 
     def cut(i: int) -> tuple[np.ndarray, np.ndarray]:
         band = ribbon(strokes, i, margin)
@@ -120,7 +120,7 @@ def cut_strips(
         own &= (stretch > STRETCH[0]) & (stretch < STRETCH[1])
         return np.stack(samples, axis=-1)[turn, turn], own[turn, turn]
 
-    strips, free = zip(*each_at_once(cut, range(len(strokes))), strict=True)
+    strips, free = zip(*each(cut, range(len(strokes))), strict=True)
     return _valid_ink(np.concatenate(strips)), np.concatenate(free)
 
 

@@ -10,6 +10,7 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
+Other = TypeVar("Other")
 
 
 def each(function: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
@@ -39,6 +40,19 @@ def in_turn(function: Callable[[Item], Made], items: Iterable[Item]) -> Iterator
                 yield ahead.popleft().result()
         while ahead:
             yield ahead.popleft().result()
+
+
+def at_once(one: Callable[[], Made], other: Callable[[], Other]) -> tuple[Made, Other]:
+    """Do two pieces of work at once, or one after the other where `threads` says 1.
+
+    The first is done in the caller's own thread. Returns what both return. Raises what the first
+    raises, or else the second, once both are over.
+    """
+    if threads() < 2:
+        return one(), other()
+    with ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(other)
+        return one(), waiting.result()
 
 
 def threads() -> int:
