@@ -38,10 +38,18 @@ def test_forms_of_decimals():
 @pytest.mark.parametrize(
     "text",
     ["", " ", ".", "- .5", "1.5e3", "1.0-2.0", "1-2 .", "1.2.3 4", "x1.0", "1.0 nan.", "1_0.0",
-     "+-5.0", "0x1.8", "0.1234567890123456", "1,5"],
+     "+-5.0", "0x1.8", "0.1234567890123456", "1,5", ".-5", "1.5 .+5 2", "-.-5", "1 2 -", "1.5 +",
+     "1.5 -. ", "1.5 +\n"],
 )  # fmt: skip
 def test_what_is_no_plain_decimal_is_left_to_others(text):
     assert _plain(text.encode()) is None
+
+
+@pytest.mark.parametrize("word", [".-5", "-", "+", "-.", "+."])
+@pytest.mark.parametrize("rest", ["", "\n", " 4 5\n"])
+def test_signs_without_digits_are_told_of(word, rest):
+    values, problem = read_numbers(f"1.5 2\n{word}{rest}".encode())
+    assert values.tolist() == [1.5, 2.0] and problem == f"line 2: {word!r} is not a number"
 
 
 def test_numbers_end_at_the_first_word_that_is_none():

@@ -118,6 +118,10 @@ def plain_decimals(text: bytes, first: np.ndarray, behind: np.ndarray) -> np.nda
     of = np.arange(len(first)) if every else np.searchsorted(behind, point, "right")
     if (point < first[of]).any() or (point >= behind[of]).any() or (of[1:] == of[:-1]).any():
         return None  # some with several points
+    signs = np.frombuffer(b"+-", np.uint8)[:, None]
+    after = np.frombuffer(text, np.uint8).take(point + 1, mode="clip")
+    if (after == signs).any() or not text[first[-1] : behind[-1]].strip(b"+-."):
+        return None  # .-5 would be -.05, and numpy takes a sign that ends the text for 0
     digits = np.zeros(len(first), np.int64)  # behind the point
     digits[of] = behind[of] - point - 1
     with warnings.catch_warnings():
