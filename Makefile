@@ -43,7 +43,7 @@ lint: $(READY)
 	$(BIN)/mypy
 
 bench: $(READY)
-	@for script in $(filter-out benchmarks/compare.py,$(sort $(wildcard benchmarks/*.py))); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+	@for script in $(filter-out benchmarks/compare.py benchmarks/line_art.py,$(sort $(wildcard benchmarks/*.py))); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 experiments: $(READY)
 	@[ -d "$(DATA)/styles" ] || { echo "make experiments needs a data set: make experiments DATA=... (experiments/README.md)"; exit 1; }
