@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from strokestyle.extract import camera as camera_module
 from strokestyle.extract.camera import MARGIN, NAMED_VIEWS, Camera, fit_camera, parse_view, swept
 
 
@@ -129,3 +130,14 @@ def test_views_that_are_none(view):
 def test_which_angle_of_a_view_is_wrong(view, wrong):
     with pytest.raises(ValueError, match=f"the {wrong} "):
         parse_view(view)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_shape_is_centred_by_its_outermost_points_as_by_all(seed, monkeypatch):
+    random = np.random.default_rng(seed)
+    points = random.normal(size=(random.choice([3, 8, 2000]), 3)) * random.uniform(0.05, 1.0, 3)
+    camera = fit_camera(points, "30,20", fov_y=100.0, width=500)
+    monkeypatch.setattr(camera_module, "STEPS_OF_ALL", camera_module.STEPS)
+    plain = fit_camera(points, "30,20", fov_y=100.0, width=500)
+    np.testing.assert_array_equal(camera.eye, plain.eye)
+    np.testing.assert_array_equal(camera.target, plain.target)

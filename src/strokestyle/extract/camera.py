@@ -35,6 +35,9 @@ PROJECTIONS = ("perspective", "parallel")
 DEFAULT_FOV = 30.0
 DEFAULT_SIZE = 768
 MARGIN = 0.08  # of the canvas, left free on each side of a fitted shape
+# Steps that centre a shape on the canvas, and how many of all its points; then of those outermost.
+STEPS, STEPS_OF_ALL = 20, 3
+TINY_MOVE = 1e-9  # of a shape of size 1: far above rounding
 
 
 @dataclass(frozen=True)
@@ -426,11 +429,43 @@ def _fit_pyramid(
     high = (across - slope[:, None] * depth).max(axis=1)
     low = (-across - slope[:, None] * depth).max(axis=1)
     distance = max(float(((high + low) / (2.0 * slope)).max()), clearance - float(depth.min()))
-    shift = 0.5 * (high - low)
-    for _ in range(20):  # the looser axis is not yet centred in perspective; this contracts quickly
-        seen = (across - shift[:, None]) / (depth + distance)
-        shift = shift + 0.5 * (seen.max(axis=1) + seen.min(axis=1)) * distance
+    reach, shift = depth + distance, 0.5 * (high - low)
+    # the looser axis is not yet centred in perspective; this contracts quickly
+    for _ in range(STEPS_OF_ALL):
+        shift = shift + _middle_seen(across, reach, shift) * distance
+    aside = _middle_seen(across, reach, shift) * distance
+    room, start = 2.0 * np.abs(aside) + TINY_MOVE, shift
+    outer = _outermost(across, reach, start, room)
+    some = across[:, outer], reach[outer]
+    for _ in range(STEPS - STEPS_OF_ALL):
+        shift = shift + aside
+        if (np.abs(shift - start) > room).any():
+            some = across, reach
+        aside = _middle_seen(*some, shift) * distance
     return distance, shift
+
+
+def _middle_seen(across: np.ndarray, reach: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """Find the middle (2,) of what an eye moved aside by `shift` sees of places (2, V), at depth 1.
+
+    `reach` : (V,), their depths from the eye
+    """
+    seen = (across - shift[:, None]) / reach
+    return 0.5 * (seen.max(axis=1) + seen.min(axis=1))
+
+
+def _outermost(
+    across: np.ndarray, reach: np.ndarray, shift: np.ndarray, room: np.ndarray
+) -> np.ndarray:
+    """Find the places (n,) int that an eye within `room` (2,) of `shift` may see outermost.
+
+    The others are as of `_middle_seen`.
+    """
+    outer = np.zeros(len(reach), bool)
+    for place, middle, most in zip(across, shift, room, strict=True):
+        near, far = (place - middle - most) / reach, (place - middle + most) / reach
+        outer |= (far >= near.max()) | (near <= far.min())
+    return np.flatnonzero(outer)
 
 
 def swept(vertices: np.ndarray, up: str = "y", steps: int = 72) -> np.ndarray:
