@@ -107,3 +107,37 @@ def test_directions_lie_at_half_the_angle():
     assert curvature._half_angle(np.zeros(1, complex)) == 1.0
     assert curvature._half_angle(np.array([complex(-2.0, 0.0)])) == 1j
     assert curvature._half_angle(np.array([complex(-2.0, -0.0)])) == -1j
+
+
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_corners_of_slivers_share_their_area(precision):
+    random = np.random.default_rng(0)
+    corner = random.normal(size=(3, 3000, 3))
+    tall = 10.0 ** random.uniform(-16.0, -2.0, (3000, 1))
+    # two corners in nearly one place, or the third near to the line through them
+    corner[1, ::2] = corner[0, ::2] + tall[::2] * corner[1, ::2]
+    corner[2, 1::2] = 0.3 * corner[0, 1::2] + 0.7 * corner[1, 1::2] + tall[1::2] * corner[2, 1::2]
+    flat = curvature._FlatFaces.of(list(np.moveaxis(corner, 2, 0)), np.dtype(precision))
+    area, areas = 0.5 * flat.along * flat.v, flat.areas()
+    slack = 1e-6 * area
+    assert (areas >= -slack).all() and (areas <= area + slack).all()
+    assert np.abs(areas.sum(axis=0) - area).max() <= 2e-6 * area.max()
+
+
+def test_poles_of_many_faces_are_as_round_as_the_rest(monkeypatch):
+    """Slivers between points of a pole that rounding keeps apart count for nothing there."""
+    polar, azimuth = np.linspace(0.0, np.pi, 24), np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    t, a = np.meshgrid(polar, azimuth, indexing="ij")
+    sphere = np.stack([np.sin(t) * np.cos(a), np.cos(t), np.sin(t) * np.sin(a)], axis=2)
+    ring, step = np.divmod(np.arange(23 * 48), 48)
+    one, two = 48 * ring + step, 48 * ring + (step + 1) % 48
+    faces = np.concatenate(
+        [np.stack([one, one + 48, two + 48], 1), np.stack([one, two + 48, two], 1)]
+    )
+    points, some = 0.2 * sphere.reshape(-1, 3), np.arange(8)
+    points = np.concatenate(points + np.random.default_rng(0).normal(size=(len(some), 1, 3)))
+    monkeypatch.setattr(curvature, "MANY", 0)
+    surface = make_surface(points, np.concatenate(faces + 24 * 48 * some[:, None, None]))
+    radius = np.median(surface.k1)
+    assert np.abs(surface.k1 / radius - 1.0).max() < 0.1
+    assert np.abs(surface.dcurv).max() < 0.5 * radius**2

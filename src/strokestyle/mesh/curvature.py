@@ -352,8 +352,9 @@ class _FlatFaces(NamedTuple):
             obtuse = weight[i] <= 0.0
             if not obtuse.any():
                 continue
-            at_j = quarter * square[k] / np.maximum(-dots[j], TINY)
-            at_k = quarter * square[j] / np.maximum(-dots[k], TINY)
+            # a side seen along the longest is no longer than itself, but for rounding in slivers
+            at_j = quarter * square[k] / np.maximum(np.maximum(-dots[j], square[k]), TINY)
+            at_k = quarter * square[j] / np.maximum(np.maximum(-dots[k], square[j]), TINY)
             areas[j] = np.where(obtuse, at_j, areas[j])
             areas[k] = np.where(obtuse, at_k, areas[k])
             areas[i] = np.where(obtuse, area - at_j - at_k, areas[i])
