@@ -39,6 +39,7 @@ MAX_STEP = 1.5  # px, the longest step of a contour that is laid along a bend
 COARSE_BINS = 64  # of opacity, for a first look
 CLEAR = 3 / 255  # opacity that nobody sees
 CACHED_TEXELS = 1 << 18  # of strips that are contoured at a time
+CACHED_HISTOGRAMS = 8  # that are divided into levels at a time
 NOBODY = np.zeros(0, np.int64)
 OUT_OF_REACH = 2.0  # a threshold that no opacity reaches
 
@@ -288,6 +289,13 @@ def _partitioned(histogram: np.ndarray, count: int) -> np.ndarray:
     There are K, above one of no opacity. By dynamic programming (Wang and Song 2011) over
     COARSE_BINS.
     """
+    few = range(0, len(histogram), CACHED_HISTOGRAMS)
+    parts = each(lambda i: _partitioned_few(histogram[i : i + CACHED_HISTOGRAMS], count), few)
+    return np.concatenate([np.zeros((0, count)), *parts])
+
+
+def _partitioned_few(histogram: np.ndarray, count: int) -> np.ndarray:
+    """What `_partitioned` gives, of histograms few enough to stay in cache."""
     value = np.arange(256) / 255.0
     moments = np.stack([histogram, histogram * value, histogram * value * value])
     coarse = moments.reshape(3, -1, COARSE_BINS, 256 // COARSE_BINS).sum(axis=3)
@@ -545,13 +553,14 @@ def fit_bsplines(
     free = np.ones(len(xy), bool)
     free[ends[1:] - 1] = False
     piece, share = _places(xy, ends, keep, offsets)
-    weight, column = _basis(piece[free], share[free], before, after)
-    folded = _folded(offsets)
-    right = np.empty_like(through)
+    middle, weight = _basis(piece[free], share[free], after)
+    column, folded = (before, np.arange(len(kept)), after), _folded(offsets)
+    right = HELD * through
     for axis, along in enumerate(xy[free].T):
-        right[:, axis] = np.bincount(column.ravel(), (weight * along).ravel(), len(kept))
-    right[folded] = right + HELD * through
-    normal = _normal_band(weight, folded[column], len(kept))
+        for place, one in zip(column, weight, strict=True):
+            right[place, axis] += np.bincount(middle, one * along, len(kept))
+    right[folded] = right.copy()
+    normal = _normal_band(middle, weight, folded[np.stack(column)])
     return solveh_banded(normal, right, lower=True, check_finite=False)[folded]
 
 
@@ -569,13 +578,19 @@ def _places(
 
 
 def _basis(
-    piece: np.ndarray, share: np.ndarray, before: np.ndarray, after: np.ndarray
+    piece: np.ndarray, share: np.ndarray, after: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The weights (3, M) of the control points (3, M) that count at places (M,)."""
-    middle = np.where(share < 0.5, piece, after[piece])
-    t = share + np.where(share < 0.5, 0.5, -0.5)
-    weight = np.stack([0.5 * (1 - t) ** 2, 0.5 + t * (1 - t), 0.5 * t * t])
-    return weight, np.stack([before[middle], middle, after[middle]])
+    """The control point (M,) nearest to each place (M,), and weights (3, M).
+
+    They are those of the point before it, of itself and of that after it; no others count there.
+    """
+    near = share < 0.5
+    t = np.where(near, share + 0.5, share - 0.5)
+    weight = np.empty((3, len(t)))
+    np.multiply(np.square(1 - t), 0.5, out=weight[0])
+    np.add(t * (1 - t), 0.5, out=weight[1])
+    np.multiply(np.square(t), 0.5, out=weight[2])
+    return np.where(near, piece, after[piece]), weight
 
 
 def _folded(offsets: np.ndarray) -> np.ndarray:
@@ -589,15 +604,22 @@ def _folded(offsets: np.ndarray) -> np.ndarray:
     return begin + np.where(2 * i <= size - 1, 2 * i, 2 * (size - i) - 1)
 
 
-def _normal_band(weight: np.ndarray, column: np.ndarray, count: int) -> np.ndarray:
-    """The normal equations of weights (3, M) of unknowns (3, M), HELD, by diagonals: (BAND + 1, n).
+def _normal_band(middle: np.ndarray, weight: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """The normal equations of splines, HELD, by diagonals: (BAND + 1, n).
 
-    As `solveh_banded` takes the lower ones.
+    As `solveh_banded` takes the lower ones. Places are summed up by control point first: there are
+    several times as many.
+
+    Parameters
+    ----------
+    middle, weight : (M,) and (3, M), as `_basis` gives them
+    column : (3, n), the unknowns that count near each control point
     """
+    count = column.shape[1]
     band = np.zeros((BAND + 1) * count)
     for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)):
         off, first = np.abs(column[a] - column[b]), np.minimum(column[a], column[b])
-        value = weight[a] * weight[b]
+        value = np.bincount(middle, weight[a] * weight[b], count)
         if a != b:
             value[off == 0] *= 2.0  # a polygon of two points
         band += np.bincount(off * count + first, value, len(band))

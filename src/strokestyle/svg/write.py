@@ -535,10 +535,12 @@ def _line_data(strokes: Strokes, i: int, decimals: int, knots: _Knots) -> tuple[
     xy, width = strokes.xy[rows], strokes.thickness[rows]
     along, bends, places = knots.of(rows)
     share = numbers(units(along[places] / max(along[-1], 1e-12), SHARE_DECIMALS), SHARE_DECIMALS)
-    pairs = " ".join(f"{a},{b}" for a, b in zip(share, _widths(width[places]), strict=True))
-    path = polyline_path(xy[bends], decimals)
     both = np.union1d(bends, places)
-    path_of_both, each = polyline_path(xy[both], decimals), " ".join(_widths(width[both]))
+    every = _widths(width[both])
+    there = [every[k] for k in np.searchsorted(both, places).tolist()]
+    pairs = " ".join(f"{a},{b}" for a, b in zip(share, there, strict=True))
+    path, path_of_both = (polyline_path(xy[some], decimals) for some in (bends, both))
+    each = " ".join(every)
     if len(path_of_both) + len(each) <= len(path) + len(pairs):
         return path_of_both, each
     return path, pairs
