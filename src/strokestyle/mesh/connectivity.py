@@ -127,7 +127,13 @@ class Connectivity:
     @cached_property
     def normals(self) -> tuple[np.ndarray, np.ndarray]:
         """(3, F), unit: of the faces, and of the polygons that they were cut from."""
-        shape = FaceShapes.of(self.vertices, self.faces)
+        return self._normals_of(FaceShapes.of(self.vertices, self.faces))
+
+    def keep_normals(self, shape: FaceShapes) -> None:
+        """Take the normals from shapes that the faces had before they were moved or scaled."""
+        vars(self)["normals"] = self._normals_of(shape)
+
+    def _normals_of(self, shape: FaceShapes) -> tuple[np.ndarray, np.ndarray]:
         normal = face_normals(shape, self.edges)
         if self.polygon is None:
             return normal, normal

@@ -479,8 +479,9 @@ def clean(
     # once more: faces that were dropped may have held the box open
     points, moved_centre, moved_scale = centre_and_scale(soup.points)
     whole = Connectivity(points, faces, np.arange(len(points)), edges, polygon)
-    if not turn.any():
-        vars(whole)["clashing_edges"] = soup.clashing_edges  # known from before
+    if not turn.any():  # then it is known from before
+        vars(whole)["clashing_edges"] = soup.clashing_edges
+        whole.keep_normals(soup.shape)
     del soup
     mesh = split_at_creases(whole, crease)
     vars(edges).pop("beyond", None)  # large, and of use for mending alone
