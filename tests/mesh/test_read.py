@@ -2,6 +2,7 @@
 others."""
 
 import json
+import re
 import struct
 import warnings
 
@@ -10,6 +11,7 @@ import pytest
 import shapes
 import trimesh
 
+from strokestyle.mesh import read_obj as read_obj_module
 from strokestyle.mesh.read import read_mesh
 from strokestyle.mesh.read_obj import read_obj
 from strokestyle.mesh.surface import load_surface, make_surface
@@ -345,3 +347,14 @@ def test_huge_numbers_are_refused_not_wrapped():
     for index in (b"9999999999999999999999", b"-9999999999999999999999", b"9223372036854775807"):
         with pytest.raises(ValueError):
             read_obj(SQUARE + b"f 1 2 " + index)
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_what_follows_slashes_is_blanked_as_an_expression_would(seed):
+    letters = ["1", "23", "/", "/", "-", "+", " ", "\n", *["x"] * (seed % 2)]
+    body = b" 1/2" + "".join(np.random.default_rng(seed).choice(letters, 40)).encode()
+    plain = re.sub(rb"/[-+/0-9]*", b"", body)
+    found = read_obj_module._without_slashes(body)
+    assert [line.split() for line in found.split(b"\n")] == [
+        line.split() for line in plain.split(b"\n")
+    ]

@@ -16,6 +16,7 @@ from .triangles import Triangles
 _SPACES = bytes.maketrans(b"\t\v\f\r", b"   \n")
 _UNNAMED = {"o": (), "g": ("default",), "usemtl": ("None", "(null)")}  # what programs make up
 _NO_KEYWORDS = bytes.maketrans(b"vfVF", b"    ")
+_OF_CORNERS = np.isin(np.arange(256), list(b"-+/0123456789"))  # letters of corners' numbers
 _SMALL = 0x20  # the bit that makes small letters of capitals
 
 
@@ -171,7 +172,7 @@ def _read_faces(lines: _Lines, vertices: np.ndarray) -> tuple[np.ndarray, np.nda
     which = np.flatnonzero(lines.have("f"))
     bodies = lines.bodies(which)
     if b"/" in bodies:
-        bodies = re.sub(rb"/[-+/0-9]*", b"", bodies)
+        bodies = _without_slashes(bodies)
     corner, count = lines.numbers(bodies, int, which)
     line = np.repeat(which, count)
     back = corner < 0
@@ -184,6 +185,21 @@ def _read_faces(lines: _Lines, vertices: np.ndarray) -> tuple[np.ndarray, np.nda
         raise lines.error(int(line[np.argmax(lost)]), what)
     faces, polygon = cut_polygons(vertices, corner, count)
     return faces, which[polygon]
+
+
+def _without_slashes(bodies: bytes) -> bytes:
+    """Blank what follows slashes in the words of faces, numbers of texture coordinates and normals.
+
+    Where anything else follows one, it stays, to be told of.
+    """
+    text = np.frombuffer(bodies, np.uint8)
+    turn = np.flatnonzero((text <= ord(" ")) | (text == ord("/")))
+    behind = text[turn[0] :].copy()
+    blank = np.repeat(text[turn] == ord("/"), np.diff(turn, append=len(text)))
+    if not _OF_CORNERS[behind[blank]].all():
+        return re.sub(rb"/[-+/0-9]*", b"", bodies)
+    behind[blank] = ord(" ")
+    return bodies[: turn[0]] + behind.tobytes()
 
 
 def _tell_what_is_left_out(lines: _Lines, faces: int) -> None:
