@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from stroke_zoo import stroke, together, uv_texture, zoo
 
-from strokestyle.drawing import ribbon as ribbon_module
 from strokestyle.drawing.raster import crop_of, rasterise, ribbon_coordinates
 from strokestyle.drawing.ribbon import ribbon, strip_points, strip_stretch
 from strokestyle.drawing.strokes import Drawing
@@ -62,11 +61,3 @@ def test_texture_of_a_zoo_is_finite_and_stays_on_the_ribbon():
     drawing = Drawing(line, (140, 140), np.tile([0, 0, 0, 1.0], (len(line), 1)), uv_texture(line))
     image = rasterise(drawing)
     assert (image[..., 3] > 0).mean() > 0.3
-
-
-def test_pairs_of_points_within_reach_are_those_of_a_tree(monkeypatch):
-    xy = np.random.default_rng(0).uniform(0, 50, (200, 2))
-    by_pairs = np.sort(np.stack(ribbon_module._pairs_within(xy, 3.0)), axis=0).T
-    monkeypatch.setattr(ribbon_module, "MANY", 10)
-    by_tree = np.sort(np.stack(ribbon_module._pairs_within(xy, 3.0)), axis=0).T
-    assert len(by_pairs) > 100 and sorted(by_pairs.tolist()) == sorted(by_tree.tolist())

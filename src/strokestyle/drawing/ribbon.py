@@ -12,7 +12,6 @@ from .strokes import SAME_POINT, Strokes, merge_coincident_points
 
 STIFFNESS = 0.35  # of a ribbon's half width: sigma of its centre line's smoothing
 MAX_SPACING = 3.0  # px between the points of a centre line that was smoothed
-MANY = 1500  # points whose pairs are looked at one by one: in .02 s, of 35 MB
 NARROWING = 0.25  # px a px: the most by which a ribbon's half width falls along it
 
 
@@ -136,18 +135,6 @@ def overlaps(band: Ribbon, margin: float) -> bool:
     both = half[i] + half[j]
     near = np.hypot(*(xy[i] - xy[j]).T) < both - margin
     return bool((near & (apart > 0.6 * np.pi * both)).any())
-
-
-def _pairs_within(xy: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """The pairs (M,), (M,) of points (n, 2), each once, that lie within reach of each other."""
-    if len(xy) > MANY:
-        from scipy.spatial import cKDTree  # takes .25 s to import, and few strokes are so long
-
-        i, j = cKDTree(xy).query_pairs(reach, output_type="ndarray").T
-        return i, j
-    square = sum(np.square(column[:, None] - column) for column in xy.T)
-    i, j = np.divmod(np.flatnonzero(square <= reach * reach), len(xy))
-    return i[i < j], j[i < j]
 
 
 def across(columns: int) -> np.ndarray:

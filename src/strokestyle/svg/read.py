@@ -102,13 +102,6 @@ def read_svg_file(source: str | bytes | Path) -> SvgFile:
         raise sort(f"{source}: {error}") from None
 
 
-def count_strokes(data: bytes) -> int:
-    """Count the strokes that a file of ours shows. Raises ValueError as `read_svg` does."""
-    found = ElementReader()
-    found.read(limited(data))
-    return len(found.strokes)
-
-
 def _read(data: bytes) -> SvgFile:
     data = write_out_clones(limited(data))
     found = ElementReader()
