@@ -198,6 +198,7 @@ class Firefox(Page):
             devicePixelRatio=density,
         )
         url = Path(path).resolve().as_uri()
+        self.opened = int(1000 * time.time())  # ms, as its log counts
         self.send("browsingContext.navigate", context=self.context, url=url, wait="complete")
         self.wait_for("document.documentElement?.dataset.ready === 'yes'")
 
@@ -229,9 +230,23 @@ class Firefox(Page):
         return base64.b64decode(shot["data"])
 
     def troubles(self) -> list[str]:
-        """Errors and warnings that the page met, in words."""
-        entries = (e["params"] for e in self.events if e.get("method") == "log.entryAdded")
-        return [entry["text"] for entry in entries if entry["level"] in ("error", "warn")]
+        """Errors and warnings that the page met, in words. Firefox tells of them late, of a page
+        that is gone too: an error of our own that comes behind them all ends the list, and what was
+        met before the page was opened is not this page's."""
+        last = f"no more troubles, {self.number}"
+        self.run(f"void setTimeout(() => {{ throw {json.dumps(last)}; }})")
+
+        def met() -> list[str]:
+            self.run("0")
+            entries = (e["params"] for e in self.events if e.get("method") == "log.entryAdded")
+            return [
+                entry["text"]
+                for entry in entries
+                if entry["level"] in ("error", "warn") and entry["timestamp"] >= self.opened
+            ]
+
+        self.wait_for(lambda: any(last in text for text in met()))
+        return [text for text in met() if "no more troubles, " not in text]
 
     def requests(self) -> list[str]:
         """The addresses that the page asked for. Firefox tells of no file among them, and of a font

@@ -720,7 +720,9 @@ def test_hostile_words_stay_words(browser, tmp_path):
     assert browser.run(
         "window.harm === undefined"
     )  # even if something of that kind slipped through
-    browser.events.clear()
+    refusals = [told.lower() for told in browser.troubles()]
+    for what in ("event handler", "inline script"):
+        assert any(what in told and "policy" in told for told in refusals), refusals
 
 
 @in_both_browsers
