@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
+from ..geometry.curves import owner, runs, take_ragged
 from .triangles import (
     TINY,
     any_corner,
     column_cross,
     column_dot,
     columns,
+    in_order,
     row_dot,
     scatter_sum,
     side_vectors,
@@ -125,20 +126,30 @@ def _two_rings(
     ------
     the vertices (m,), and pairs of an index into them and a face, (P,) each: about RING_PAIRS
     """
-    corner_face = np.repeat(np.arange(len(faces)), 3)
-    touches = csr_matrix(
-        (np.ones(faces.size, np.float32), (faces.ravel(), corner_face)),
-        shape=(vertices, len(faces)),
-    )
-    valence = np.diff(touches.indptr)
+    vertex, corner = in_order(faces.ravel())
+    face_at, offsets = corner // 3, np.searchsorted(vertex, np.arange(vertices + 1))
+    valence = np.diff(offsets)
     passed = np.where(valence <= HUB, valence, 0)
-    onward = touches.multiply((valence <= HUB)[:, None]).tocsr()
-    pairs = touches[chosen] @ (1 + passed[faces].sum(axis=1))
+    within = 1 + passed[faces].sum(axis=1)  # faces that are found through each
+    rows, ends = take_ragged(offsets, chosen)
+    pairs = np.bincount(owner(ends), within[face_at[rows]], len(chosen))
     part = np.cumsum(pairs) // RING_PAIRS
     for some in np.split(chosen, np.flatnonzero(np.diff(part)) + 1):
-        own = touches[some]
-        found = (own @ onward.T @ onward + own).tocoo()
-        yield some, found.row, found.col
+        rows, ends = take_ragged(offsets, some)
+        first, own = owner(ends), face_at[rows]
+        ring = np.repeat(first, 3) * vertices + faces[own].ravel()
+        ring = _different(ring[passed[faces[own].ravel()] > 0])
+        through, beside = np.divmod(ring, vertices)
+        rows, ends = take_ragged(offsets, beside)
+        found = through[owner(ends)] * len(faces) + face_at[rows]
+        found = _different(np.concatenate([first * len(faces) + own, found]))
+        yield some, *np.divmod(found, len(faces))
+
+
+def _different(values: np.ndarray) -> np.ndarray:
+    """Sort values (N,), and leave out all but one of those that are equal."""
+    values = np.sort(values)
+    return values[runs(values)[:-1]]
 
 
 def _fit_linear(

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from ..geometry.curves import runs
 from ..geometry.near import linked_groups
@@ -58,6 +57,7 @@ def bends(
 Columns = np.ndarray | Sequence[np.ndarray]  # vectors (3, N)
 THIN = 1e-4  # of the longest side: the normal of a lower face is mostly the rounding of its corners
 TINY = 1e-30  # keeps divisions finite; far below any product of lengths on a mesh of size 1
+WORD = 63  # bits of a number that is not negative
 BLOCK = 8192  # faces measured at a time: what is in between then stays in the processor's cache
 CHUNK = 32 * BLOCK  # faces whose corners are summed up in one go: bounds memory
 
@@ -370,17 +370,30 @@ class Edges:
 def _sorted_sides(
     low: np.ndarray, high: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sort sides by their ends (N,), the lower first: both, and which side each is, (N,) int32.
+    """Sort sides by their ends (N,), the lower first: both, and which side each is, (N,) int32."""
+    bits = count.bit_length()
+    key, side = in_order(low.astype(np.int64) << bits | high)
+    high = (key & (1 << bits) - 1).astype(np.int32)
+    key >>= bits
+    return key.astype(np.int32), high, side.astype(np.int32)
 
-    As a sparse matrix is transposed, its entries are counted out by column, in the order of its
-    rows. So are sides, by one end and then by the other: many times faster than to sort them.
+
+def in_order(key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sort keys (N,) int64, which are not negative: the keys, and where each was, (N,) int64.
+
+    Equal ones keep their order. What is sorted are keys and places in one number where both fit in:
+    several times as fast as to sort places by their keys.
     """
-    at = np.arange(len(low) + 1, dtype=np.int32)
-    sides = csr_matrix((low.astype(np.int32), high.astype(np.int32), at), (len(low), count))
-    by_high = sides.tocsc()
-    by_both = csr_matrix((by_high.indices, by_high.data, by_high.indptr), (count, count)).tocsc()
-    low = np.repeat(np.arange(count, dtype=np.int32), np.diff(by_both.indptr))
-    return low, by_both.indices, by_both.data
+    bits = max(len(key) - 1, 1).bit_length()
+    if int(key.max(initial=0)).bit_length() + bits > WORD:
+        order = np.argsort(key, kind="stable")
+        return key[order], order
+    both = key << bits
+    both |= np.arange(len(key))
+    both.sort()
+    order = both & (1 << bits) - 1
+    both >>= bits
+    return both, order
 
 
 def any_corner(faces: np.ndarray, flag: np.ndarray) -> np.ndarray:
