@@ -10,7 +10,7 @@ from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.strokes import Drawing, Texture
 from strokestyle.geometry.curves import simplify_all
 from strokestyle.geometry.polygons import united
-from strokestyle.svg.tones import fit_bsplines, tone_shapes, tones
+from strokestyle.svg.tones import HELD, fit_bsplines, tone_shapes, tones
 from strokestyle.svg.write import png_from_svg, write_svg
 
 
@@ -145,6 +145,38 @@ def test_edges_are_fitted_to_the_whole_contour(monkeypatch):
         "strokestyle.svg.tones.HELD", 1e9
     )  # through the points that were kept, and no others
     assert (fitted < 0.2).all() and (fitted < 0.9 * np.array(list(errors()))).all()
+
+
+def test_splines_solve_their_equations():
+    """Rings of one to nine kept points, in one go, as they come out of a dense matrix."""
+    rng, rings, kept = np.random.default_rng(3), [], []
+    for count in (1, 2, 3, 4, 5, 9):
+        ring = rng.normal(size=(3 * count, 2)) * 20
+        rings.append(np.concatenate([ring, ring[:1]]))
+        keep = np.zeros(len(ring) + 1, bool)
+        keep[rng.permutation(np.arange(1, len(ring)))[: count - 1]] = keep[0] = True
+        kept.append(keep)
+    xy, keep = np.concatenate(rings), np.concatenate(kept)
+    ends = np.cumsum([0] + [len(ring) for ring in rings])
+    offsets = np.cumsum([0] + [flag.sum() for flag in kept])
+    found = fit_bsplines(xy, ends, keep, offsets)
+    for k, ring in enumerate(rings):
+        at = np.flatnonzero(kept[k])
+        n, arc = len(at), np.r_[0, np.cumsum(np.hypot(*np.diff(ring, axis=0).T))]
+        rows, values = np.zeros((len(ring) - 1, n)), ring[:-1]
+        for i in range(len(ring) - 1):
+            piece = np.searchsorted(at, i, "right") - 1
+            start, end = arc[at[piece]], arc[np.r_[at, len(ring) - 1][piece + 1]]
+            t = (arc[i] - start) / (end - start)
+            middle, t = (piece, t + 0.5) if t < 0.5 else (piece + 1, t - 0.5)
+            for j, weight in ((-1, (1 - t) ** 2 / 2), (0, 0.5 + t * (1 - t)), (1, t * t / 2)):
+                rows[i, (middle + j) % n] += weight
+        point, held = ring[at], HELD**0.5
+        through = 1.25 * point - 0.125 * (np.roll(point, 1, axis=0) + np.roll(point, -1, axis=0))
+        rows = np.concatenate([rows, held * np.eye(n)])
+        values = np.concatenate([values, held * through])
+        expected = np.linalg.lstsq(rows, values, rcond=None)[0]
+        np.testing.assert_allclose(found[offsets[k] : offsets[k + 1]], expected, atol=1e-5)
 
 
 def test_dense_grain_is_simplified_until_it_fits(monkeypatch):

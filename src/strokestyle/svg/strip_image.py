@@ -9,6 +9,7 @@ import numpy as np
 
 from ..drawing.strip import texel_places
 from ..drawing.strokes import Drawing, Strokes, Texture
+from ..geometry.gradients import conjugate_gradients
 from .format import LIMITS, STRIP_COLORS, STRIP_LEVELS
 from .palette import quantise
 from .png import encode_png, read_png
@@ -16,6 +17,7 @@ from .png import encode_png, read_png
 ONE_INK = (
     1.5 / 255
 )  # rms; colours nearer than this to the stroke's ink need no palette: the PNG is its opacity
+PRECISE = 1e-5  # of opacity or colour, to which a smaller strip is solved for
 SPARE = 1.25  # texels a px beyond which a strip is made smaller, to one a px
 
 
@@ -94,25 +96,29 @@ def _smaller(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
 
     By least squares.
     """
-    from scipy.linalg import solveh_banded  # slow to import: where strips are told, not at start
-
     n, a = values.shape
     if columns < a:
         values = values @ _squeeze(a, columns)
     if rows < n:
         low, fraction = texel_places(n, rows)
-        band = np.zeros((2, rows))  # the normal equations of linear interpolation are tridiagonal
-        band[1] = (
+        own = (
             np.bincount(low, (1 - fraction) ** 2, rows)
             + np.bincount(low + 1, fraction**2, rows)
             + 1e-6
-        )
-        band[0, 1:] = np.bincount(low, fraction * (1 - fraction), rows)[:-1]
+        )[:, None]
+        beside = np.bincount(low, fraction * (1 - fraction), rows)[:-1, None]
+
+        def product(values: np.ndarray) -> np.ndarray:
+            out = own * values
+            out[:-1] += beside * values[1:]
+            out[1:] += beside * values[:-1]
+            return out
+
         weighted = np.stack([(1 - fraction)[:, None] * values, fraction[:, None] * values], axis=1)
         right = np.zeros((rows, values.shape[1]))
         np.add.at(right, low, weighted[:, 0])
         np.add.at(right, low + 1, weighted[:, 1])
-        values = solveh_banded(band, right)
+        values = conjugate_gradients(product, own, right, right / own, PRECISE)
     return values
 
 

@@ -10,7 +10,7 @@ whole ones, of TONE_UNIT px: a third less text than decimals.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ import numpy as np
 from ..drawing.ribbon import Ribbon, ribbon
 from ..drawing.strokes import Drawing
 from ..geometry.curves import CACHED, arc, blocks, counting, owner, simplify_all, take_ragged
+from ..geometry.gradients import conjugate_gradients
 from ..geometry.polygons import areas, following, isolines
 from ..geometry.threads import each
 from .crossings import Groups, crossing_groups, separated_groups, united_groups
@@ -31,7 +32,7 @@ MAX_POINTS = (
     85_000  # of all polygons: beyond it the slack grows, so that the file can be worked with
 )
 MAX_SLACK = 0.6  # px, the most that it grows to
-BAND = 4  # diagonals beneath the main one, of equations between neighbours on folded polygons
+PRECISE = 1e-6  # px, to which control points are solved for
 HELD = 0.05  # weight of the spline through the points kept, beside 1 for each point of a contour
 SPECK = 3.0  # times the slack squared: regions and holes of less area are left out
 FOLD = 0.97  # of the radius of a bend, from its inside: texels beyond would be laid upside down
@@ -544,8 +545,6 @@ def fit_bsplines(
     -------
     The control points (n, 2), px, one for each point of `keep`.
     """
-    from scipy.linalg import solveh_banded  # slow to import, and not needed to scale tones
-
     before, after = _neighbours(offsets)
     kept = xy[keep]
     # the middle of a piece is at (before + 6 here + after) / 8
@@ -554,14 +553,11 @@ def fit_bsplines(
     free[ends[1:] - 1] = False
     piece, share = _places(xy, ends, keep, offsets)
     middle, weight = _basis(piece[free], share[free], after)
-    column, folded = (before, np.arange(len(kept)), after), _folded(offsets)
-    right = HELD * through
-    for axis, along in enumerate(xy[free].T):
-        for place, one in zip(column, weight, strict=True):
-            right[place, axis] += np.bincount(middle, one * along, len(kept))
-    right[folded] = right.copy()
-    normal = _normal_band(middle, weight, folded[np.stack(column)])
-    return solveh_banded(normal, right, lower=True, check_finite=False)[folded]
+    # what places say of the control point before the middle one, of that itself and the one after
+    said = [_summed(middle, one[:, None] * xy[free], len(kept)) for one in weight]
+    right = HELD * through + said[0][after] + said[1] + said[2][before]
+    product, diagonal = _normal_equations(middle, weight, before, after)
+    return conjugate_gradients(product, diagonal, right, through, PRECISE)
 
 
 def _places(
@@ -593,38 +589,43 @@ def _basis(
     return np.where(near, piece, after[piece]), weight
 
 
-def _folded(offsets: np.ndarray) -> np.ndarray:
-    """Where the rows (n,) of closed polygons go when each is folded flat: first, last, second, ...
+def _normal_equations(
+    middle: np.ndarray, weight: np.ndarray, before: np.ndarray, after: np.ndarray
+) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray]:
+    """Make the matrix of the normal equations of splines, HELD: its product, its diagonal (n, 1).
 
-    So what is within two of each other round a polygon is within BAND.
-    """
-    count = np.diff(offsets)
-    size, begin = np.repeat(count, count), np.repeat(offsets[:-1], count)
-    i = np.arange(offsets[-1]) - begin
-    return begin + np.where(2 * i <= size - 1, 2 * i, 2 * (size - i) - 1)
-
-
-def _normal_band(middle: np.ndarray, weight: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """The normal equations of splines, HELD, by diagonals: (BAND + 1, n).
-
-    As `solveh_banded` takes the lower ones. Places are summed up by control point first: there are
-    several times as many.
+    Places are summed up by control point first: there are several times as many.
 
     Parameters
     ----------
     middle, weight : (M,) and (3, M), as `_basis` gives them
-    column : (3, n), the unknowns that count near each control point
+    before, after : (n,), the control points beside each
     """
-    count = column.shape[1]
-    band = np.zeros((BAND + 1) * count)
-    for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)):
-        off, first = np.abs(column[a] - column[b]), np.minimum(column[a], column[b])
-        value = np.bincount(middle, weight[a] * weight[b], count)
-        if a != b:
-            value[off == 0] *= 2.0  # a polygon of two points
-        band += np.bincount(off * count + first, value, len(band))
-    band[:count] += HELD
-    return band.reshape(BAND + 1, count)
+    count = len(before)
+
+    def both(a: int, b: int) -> np.ndarray:
+        return np.bincount(middle, weight[a] * weight[b], count)
+
+    own = HELD + both(0, 0)[after] + both(1, 1) + both(2, 2)[before]
+    one = both(0, 1)[after] + both(1, 2)  # between each and the next
+    two = both(0, 2)[after]  # between each and the next but one
+    second, first = after[after], before[before]
+
+    def product(xy: np.ndarray) -> np.ndarray:
+        at = xy.view(complex)[:, 0]  # a number for each point, which numpy gathers faster
+        out = own * at
+        out += one * at[after]
+        out += (one * at)[before]
+        out += two * at[second]
+        out += (two * at)[first]
+        return out[:, None].view(float)
+
+    return product, own[:, None]
+
+
+def _summed(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Sum up values (M, 2) by their group (M,): (count, 2)."""
+    return np.stack([np.bincount(group, axis, count) for axis in values.T], axis=1)
 
 
 def _counted(keep: np.ndarray, offsets: np.ndarray) -> np.ndarray:
