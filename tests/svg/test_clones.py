@@ -1,5 +1,7 @@
 """Clones of strokes are strokes of their own, where and as `use` draws them."""
 
+import re
+
 import numpy as np
 import pytest
 from svg_programs import small
@@ -7,6 +9,7 @@ from svg_programs import small
 from strokestyle import files
 from strokestyle.svg.clones import write_out_clones
 from strokestyle.svg.read import read_svg, read_svg_file
+from strokestyle.svg.read_curves import read_curves_svg
 from strokestyle.svg.write import write_svg
 
 TEXT = write_svg(small("grain"), texture="vector")
@@ -47,18 +50,97 @@ def test_a_clone_of_a_layer_has_its_strokes_and_the_look_that_it_is_given():
         '<use xlink:href="other.svg#s003"/>',
         '<text id="t">a</text><use xlink:href="#t"/>',
         "<use/>",
-        '<g id="a"><path data-ss-path="M0 0h9" d="M0 0h9"/><use xlink:href="#a"/></g>',  # itself
-        '<use id="b" xlink:href="#s003"/><use xlink:href="#b"/>',
         '<defs><use xlink:href="#s003"/></defs>',
+        '<clipPath id="c"><use xlink:href="#s003"/></clipPath><use xlink:href="#c"/>',
+        '<symbol id="d" width="0"><use xlink:href="#s003"/></symbol><use xlink:href="#d"/>',
     ],
 )
 def test_what_else_is_drawn_again_is_left_as_it_is(use):
     text = with_use(use).encode()
-    made = write_out_clones(text)
-    assert made.count(b"<use") == (
-        1 if "clone's" in use or 'id="b"' in use else text.count(b"<use")
-    )
-    read_svg(made)
+    assert write_out_clones(text) == text
+    assert len(read_svg(text).strokes) == 5
+
+
+SYMBOL = '<symbol id="y" viewBox="0 10 60 50" {}><g transform="scale(.5)">{}</g></symbol>'
+SHOWN = "<g id='q'><use id='n' href='#s003' x='10%' y='3'/></g>"
+CLONES = {  # what is drawn again, and how many strokes of five that makes
+    "of a clone": ('<use id="b" href="#s003" x="5"/><use href="#b" y="2in"/>', 7),
+    "of a group of clones": (SHOWN + '<use href="#q" transform="rotate(20)"/>', 7),
+    "of a layer with a clone": ('<use id="b" href="#layer-contour"/><use href="#b" x="1"/>', 9),
+    "before what it draws": ('<use href="#q" transform="scale(.5)"/>' + SHOWN, 7),
+    "in definitions": (f"<defs>{SHOWN}</defs><use href='#q'/>", 6),
+    "of a symbol": (SYMBOL.format("", SHOWN) + '<use href="#y"/>', 6),
+    "of a symbol with sides": (
+        SYMBOL.format('width="9" height="8"', SHOWN) + '<use href="#y" x="9" height="50%"/>',
+        6,
+    ),
+    "of a symbol in a symbol": (
+        SYMBOL.format('preserveAspectRatio="xMinYMax slice"', SHOWN)
+        + '<symbol id="z" viewBox="0 0 50 50"><use href="#y" width="25%" height="20"/></symbol>'
+        '<use href="#z" width="80" height="40" transform="scale(-1 1)"/>',
+        6,
+    ),
+    "of a symbol without a box": (
+        '<symbol id="y" style="overflow:visible" transform="scale(2)">'
+        + SHOWN
+        + '</symbol><use href="#y" x="3"/><use href="#y"/>',
+        7,
+    ),
+    "of more than strokes": (f'<g id="a"><text/>{SHOWN}<use href="#t"/></g><use href="#a"/>', 7),
+}
+
+
+@pytest.mark.parametrize("name", CLONES)
+@pytest.mark.parametrize("texture", ["grain", None])
+def test_clones_of_clones_groups_and_symbols_are_where_another_reader_has_them(name, texture):
+    use, count = CLONES[name]
+    # one size in pixels: the page is 1:1, and curves keep their order
+    text = re.sub(r' (width|height)="[0-9.]+mm"', "", write_svg(small(texture)))
+    text = with_use(use, text)
+    strokes = read_svg(text).strokes
+    assert len(strokes) == count
+    curves = read_curves_svg(text.encode(), (120, 100), 0.1)
+    assert sorted_points(strokes) == pytest.approx(sorted_points(curves), abs=0.02)
+
+
+def sorted_points(lines):
+    parts = np.split(lines.xy, lines.offsets[1:-1])
+    return np.array(sorted(part.mean(axis=0).tolist() for part in parts))
+
+
+def test_a_clone_in_a_file_with_a_prefix_and_a_look_of_its_own_sheet():
+    sheet = "<style>use.pale{opacity:.5} #mine{display:inline} g.pale{display:none}</style>"
+    use = '<use class="pale" id="mine" xlink:href="#s003" style="fill:red"/>'
+    text = with_use(sheet + use)
+    prefixed = text.replace("<svg ", '<svg xmlns:v="http://www.w3.org/2000/svg" ')
+    for given in (text, prefixed.replace("<use", "<v:use")):
+        got = read_svg(given)
+        assert len(got.strokes) == 6
+        assert got.color[5, 3] == pytest.approx(0.5 * got.color[3, 3], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        '<g id="a"><path data-ss-path="M0 0h9" d="M0 0h9"/><use xlink:href="#a"/></g>',
+        '<g id="a"><use href="#b"/></g><g id="b"><use href="#c"/></g><use id="c" href="#a"/>',
+        '<use id="a" href="#a"/>',
+    ],
+)
+def test_clones_of_themselves_are_refused(use):
+    with pytest.raises(ValueError, match=r'line \d+, <use.*"#[abc]" draws itself: take it out$'):
+        read_svg(with_use(use))
+
+
+def test_a_bomb_of_clones_is_refused():
+    bomb = '<g id="k0"><use href="#s003"/></g>'
+    for k in range(40):
+        bomb += f'<g id="k{k + 1}"><use href="#k{k}"/><use href="#k{k}"/></g>'
+    with pytest.raises(ValueError, match="larger than 64 MB|more than 100000 elements"):
+        read_svg(with_use(f"<defs>{bomb}</defs><use href='#k40'/>"))
+    chain = "".join(f'<use id="k{k}" href="#k{k + 1}"/>' for k in range(400))
+    with pytest.raises(ValueError, match="more than 60 clones of clones"):
+        read_svg(with_use(chain + '<use id="k400" href="#s003"/>'))
 
 
 def test_quotes_and_brackets_in_values_stay_values():

@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import files as limits
 from ..files import quoted
-from ..geometry.affine import IDENTITY, MAX_NUMBER, Affine, Box, compose, fit_box, transformed
+from ..geometry.affine import IDENTITY, Affine, Box, compose, fit_box, transformed
 from ..geometry.bezier import Segment, flatten
 from ..geometry.curves import KINDS, SAME_POINT, Curves, clean_curves, kind_named
 from .format import INKSCAPE_NAMESPACE, TONE_CLASS, Data
@@ -26,12 +26,12 @@ from .path_data import (
     length,
     own_transform,
     page_length,
-    parse_numbers,
     parse_path,
     parse_share,
     shape_path,
 )
 from .style_sheet import MAX_CHARACTERS, Named, StyleSheet, declarations, is_for_screens
+from .viewport import inner_matrix, nested_box, view_box
 from .xml import SVG_NAMESPACE, SaxReader, placed
 
 BORDER = 0.5  # px; a frame this near the page's edge is the background, not a line
@@ -267,29 +267,25 @@ class _ShapeReader:
             return None
         if tag not in ("svg", "symbol"):
             return state
-        matrix, view = self.viewport({**attributes, **(size or {})}, state, not above.elements)
-        return replace(state, matrix=matrix, view=view)
+        found = self.viewport({**attributes, **(size or {})}, state, not above.elements)
+        return None if found is None else replace(state, matrix=found[0], view=found[1])
 
     def viewport(
         self, attributes: Mapping[str, str], state: _State, root: bool
-    ) -> tuple[Affine, tuple[float, float]]:
+    ) -> tuple[Affine, tuple[float, float]] | None:
         """Find the matrix of what is inside an svg or symbol, and the (width, height) of its view.
 
-        Percentages are of the view.
+        Percentages are of the view. None where it has no size, and is not drawn.
         """
-        view_box = _view_box(attributes)
-        into = self.root_box(attributes) if root else _nested_box(attributes, state.view)
-        matrix = state.matrix
-        if root:  # the page on the canvas
-            matrix = compose(fit_box(into, self.canvas), matrix)
-        if view_box is None:
-            inner = (1.0, 0.0, 0.0, 1.0, into[0], into[1])
-        else:
-            inner = fit_box(view_box, into, attributes.get("preserveAspectRatio", ""))
-        matrix = compose(matrix, inner)
+        into = self.root_box(attributes) if root else nested_box(attributes, state.view)
+        if into is None:
+            return None
+        inner, view = inner_matrix(attributes, into)
+        outer = compose(fit_box(into, self.canvas), state.matrix) if root else state.matrix
+        matrix = compose(outer, inner)
         if root:
-            self.page = _transformed_box(matrix, view_box or into)
-        return matrix, (view_box or into)[2:]
+            self.page = _transformed_box(matrix, view_box(attributes) or into)
+        return matrix, view
 
     def root_box(self, attributes: Mapping[str, str]) -> Box:
         """The document's page in CSS pixels; of no size, the canvas, as the 100% of browsers."""
@@ -370,29 +366,6 @@ def _kind(attributes: Mapping[str, str], above: int) -> int:
             if kind is not None:
                 return kind
     return above
-
-
-def _view_box(attributes: Mapping[str, str]) -> Box | None:
-    if "viewBox" not in attributes:
-        return None
-    numbers = parse_numbers(attributes["viewBox"], "viewBox")
-    if len(numbers) != 4 or min(numbers[2:]) < 1 / MAX_NUMBER:
-        raise ValueError("viewBox must be four numbers, x y width height, the last two above 0")
-    x, y, width, height = numbers
-    return x, y, width, height
-
-
-def _nested_box(attributes: Mapping[str, str], view: tuple[float, float]) -> Box:
-    """Where an svg element lies in the one around it, of whose `view` percentages are."""
-    x, y, width, height = (
-        length(attributes.get(key, default), key, whole)
-        for key, default, whole in zip(
-            ("x", "y", "width", "height"), "0 0 100% 100%".split(), view * 2, strict=True
-        )
-    )
-    if min(width, height) < 1 / MAX_NUMBER:
-        raise ValueError("the width and height of an svg element must be above 0")
-    return x, y, width, height
 
 
 def _transformed_box(matrix: Affine, box: Box) -> Box:

@@ -22,6 +22,7 @@ LOOKS = (  # properties of style sheets that are looked at
 )  # fmt: skip
 _REFERENCE = re.compile(rf"(?:^|;)\s*(?:{'|'.join(REFERENCES)})\s*:\s*url\(")
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
+HREFS = {"href", "http://www.w3.org/1999/xlink}href"}  # a `use` without is a clone written out
 SHAPES = (
     "path", "line", "polyline", "polygon", "rect", "circle", "ellipse", "image", "text", "use",
     "svg",
@@ -220,7 +221,8 @@ class ElementReader:
         if above.skipped or namespace not in ("", SVG_NAMESPACE):
             return State(skipped=True)
         is_stroke = Data.PATH in attributes and tag in (*GROUPS, *SHAPES)
-        if is_stroke or above.stroke is not None or tag in GROUPS:
+        is_group = tag in GROUPS or (tag == "use" and not HREFS & attributes.keys())
+        if is_stroke or above.stroke is not None or is_group:
             self.effects += _count_effects(attributes)
         state = _inherit(above, attributes)
         if above.stroke is not None:  # what it looks like
@@ -240,7 +242,7 @@ class ElementReader:
             return State(skipped=True)
         if is_stroke:
             return self._enter_stroke(tag, attributes, state)
-        if tag in GROUPS:
+        if is_group:
             if STROKE_CLASS in attributes.get("class", "").split():
                 state.group = StrokeGroup(attributes.get("id", ""), *self._place(above))
             return state
