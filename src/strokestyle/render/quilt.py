@@ -18,6 +18,7 @@ from ..drawing.ribbon import across
 from ..drawing.strip import straight
 from ..drawing.strokes import Strokes, Texture
 from ..geometry.curves import owner
+from ..geometry.threads import each, in_turn
 from .texture_bank import (
     END,
     INK_SIGMA,
@@ -193,13 +194,21 @@ def _cheapest_sources(
     """
     few = min(CANDIDATES, len(source))
     near = np.empty((len(target), few), np.int64)
-    for a in range(0, len(target), BLOCK):
-        part = slice(a, a + BLOCK)
+
+    def choose(drawn: tuple[slice, np.ndarray]) -> None:
+        part, noise = drawn
         cost = target[part] @ source.T
-        cost += RANDOMNESS * chance.standard_exponential(cost.shape, np.float32)
+        cost += np.multiply(noise, RANDOMNESS, out=noise)
         if barred is not None:
             cost[barred[part]] += 1e6
         near[part] = _lowest(cost, few)
+
+    parts = (slice(a, min(a + BLOCK, len(target))) for a in range(0, len(target), BLOCK))
+    numbers = chance.standard_exponential
+    for _ in in_turn(
+        choose, ((p, numbers((p.stop - p.start, len(source)), np.float32)) for p in parts)
+    ):
+        pass
     return near
 
 
@@ -458,7 +467,9 @@ def lay_rows(
         return with_ink(laid, bank.local_ink[source], wanted[row])
 
     starts = range(0, len(every), CHUNK)
-    layer = np.concatenate([copy(copied[a : a + CHUNK], every[a : a + CHUNK]) for a in starts])
+    layer = np.concatenate(
+        each(lambda a: copy(copied[a : a + CHUNK], every[a : a + CHUNK]), starts)
+    )
     for joints in _joints(rows, runs):
         _join(layer, copy, rows, runs, joints)
     past = np.flatnonzero((rows.ends < 0).any(axis=1))
