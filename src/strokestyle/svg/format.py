@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 from urllib.parse import quote, unquote
 
+from .markup import number
+
 FORMAT = 4
 MM_PER_PX = 25.4 / 96.0  # CSS pixels
 TEXTURES = ("auto", "vector", "image", "none")
@@ -89,6 +91,9 @@ MARGIN_DECIMALS = 4
 TONE_UNIT = (
     0.15  # px of path data; polygons have even numbers of it: the middles of sides are whole
 )
+# svgo works a transform into every number of a path that has no style; MuPDF does not know all that
+# may be said in one, so this says nothing
+TONE_LOOK = {"style": "opacity:1", "transform": f"scale({number(TONE_UNIT, 4)})"}
 IMAGE_LEVELS_GRAIN = 10  # of opacity in one ink: grain hides coarse steps and costs many bytes
 IMAGE_LEVELS_SOFT = 32  # soft tone shows them
 IMAGE_COLORS = 128  # of a drawing in more than one ink; a stroke holds those that it uses

@@ -26,7 +26,7 @@ from .format import LICENSES, LIMITS, Data, SvgOptions
 from .kept import Kept, keep_strokes
 from .path_data import NUMBER, page_length, parse_numbers
 from .read_elements import MAX_STROKES, ElementReader
-from .read_stroke import MAX_PLACE, ReadStroke, drawn_stroke, read_strokes
+from .read_stroke import MAX_PLACE, ReadStroke, read_strokes
 from .read_texture import Budget
 
 MAX_TEXELS = LIMITS["texels"].value
@@ -109,7 +109,7 @@ def _read(data: bytes) -> SvgFile:
     if not (found.strokes or found.hidden):
         _check_emptiness(found)
     size, origin = _canvas(found.root)
-    strokes, ids = _strokes(data, found, origin)
+    strokes, ids = _strokes(found, origin)
     options = _options(found, any(stroke.strip is not None for stroke in strokes))
     drawing = _drawing(strokes, size, _parts(found.root, strokes))
     kept = keep_strokes(drawing, (stroke.drawn for stroke in strokes), options)
@@ -137,7 +137,7 @@ def _check_emptiness(found: ElementReader) -> None:
 
 
 def _strokes(
-    data: bytes, found: ElementReader, origin: tuple[float, float]
+    found: ElementReader, origin: tuple[float, float]
 ) -> tuple[list[ReadStroke], list[str]]:
     """All strokes of a file, and the id of each. Raises ValueError with the place of a bad one."""
     strokes: list[ReadStroke] = []
@@ -145,9 +145,8 @@ def _strokes(
     budget = Budget()
     for element in found.strokes:
         try:
-            drawn = drawn_stroke(data, element, found.offset_points)
             shapes = len(element.shapes)
-            copies = read_strokes(element, origin, drawn, budget, found.offset_points)
+            copies = read_strokes(element, origin, budget, found.offset_points)
             found.lose_tones(shapes - len(element.shapes))
         except ValueError as error:
             which = f' id="{quoted(element.id)}"' if element.id else ""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from ..geometry.affine import IDENTITY, Affine, compose, is_flat
 from .format import FORMAT, LIMITS, PAPER_ID, RDF_NAMESPACES, STROKE_CLASS, TONE_CLASS, Data
 from .path_data import own_transform, page_length, parse_numbers, parse_share
-from .read_texture import Shape, rgba
+from .read_texture import Shape
 from .style_sheet import Named, StyleSheet, sheet_of
 from .xml import SVG_NAMESPACE, SaxReader, css_property
 
@@ -254,7 +254,7 @@ class ElementReader:
 
     def _place(self, above: State) -> tuple[int, int, bool]:
         """Line and byte of what is being read, and whether what is around it changes its look."""
-        still = above.matrix == IDENTITY and above.opacity == above.fill_opacity == 1.0
+        still = above.matrix == IDENTITY and above.opacity == 1.0
         return self._xml.line, self._xml.place, self._styled or not still
 
     def _enter_stroke(self, tag: str, attributes: dict[str, str], state: State) -> State:
@@ -373,5 +373,5 @@ def _add_shape(stroke: StrokeElement, tag: str, attributes: dict[str, str], stat
     """Add an element to the shapes of its stroke, if it is one that is shown."""
     if tag not in ("path", "image") or not state.shown:
         return
-    share = state.fill_opacity * float(rgba(state.fill)[3])
+    share = state.fill_opacity if state.fill != "none" else 0.0
     stroke.shapes.append(Shape(tag, attributes, state.matrix, state.fill, state.opacity, share))

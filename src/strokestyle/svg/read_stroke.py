@@ -26,18 +26,17 @@ from ..geometry.bezier import flatten
 from ..geometry.curves import KINDS, arc, arc_length, kind_named
 from ..geometry.parts import part_name
 from .format import (
-    DATA,
     INKSCAPE_NAMESPACE,
     LIMITS,
-    STROKE_CLASS,
-    TONE_CLASS,
+    TONE_LOOK,
+    TONE_UNIT,
     TRACK_NAME,
     Data,
     usual_rings,
 )
 from .kept import DrawnStroke
 from .landmarks import ROUNDING, enclosed, fine_line, first_line, landmarks, recover_transform
-from .markup import Element
+from .markup import Element, hex_color, number
 from .path_data import parse_numbers, parse_path, parse_share
 from .power_stroke import EFFECT, read_power_stroke, swell
 from .read_elements import StrokeElement
@@ -50,10 +49,11 @@ from .read_texture import (
     from_base64,
     has_external_image,
     image_box,
+    image_link,
     rgb,
-    rgba,
 )
 from .strip_image import read_strip
+from .tone_path import tone_path
 
 MAX_PATH = LIMITS["path_characters"].value
 MAX_PLACE = LIMITS["place"].value
@@ -61,31 +61,18 @@ SWELL_SLACK = 1e-5  # of the sum of widths, that is another program's rounding
 MAX_COPIES = 100  # of a stroke that are merged with it
 PROBES = 100  # places on a tone's edge
 STRAY = 1.0  # px beyond a stroke's texture, where the edges of tones are of another
+TONE_SCALE: Affine = (TONE_UNIT, 0.0, 0.0, TONE_UNIT, 0.0, 0.0)
 PATH_EFFECT = INKSCAPE_NAMESPACE + "}path-effect"
 ORIGINAL_PATH = INKSCAPE_NAMESPACE + "}original-d"
 
-# A stroke exactly as we write it, but for spaces and ids, which Inkscape adds: whatever is in it,
-# it is markup that cannot run or load anything.
-_VALUE = r'="[^"<&]*"'
-_PAIR = re.compile(r"\s([a-z:-]+)=\"([^\"<&]*)\"", re.IGNORECASE)
-_DATA = rf'{Data.PART}="[^"<]*"|(?:id|data-ss-[a-z]+){_VALUE}'
-_TONE = rf'class="{TONE_CLASS}"|style="opacity:1"|(?:d|fill|fill-opacity|transform){_VALUE}'
-_PICTURE = rf"(?:x|y|width|height|preserveAspectRatio|xlink:href){_VALUE}"
-_CHILD = (
-    rf"<(path)((?:\s+(?:{_TONE}|{_DATA}))+)\s*/>"
-    rf"|<(image)((?:\s+(?:{_PICTURE}|{_DATA}))+)\s*/>"
-)
-_CHILDREN = re.compile(_CHILD)
-_STROKE = re.compile(
-    rf'<(path|g)((?:\s+(?:{Data.PART}="[^"<]*"|[a-z:-]+{_VALUE}))*)\s*'
-    rf"(?:/>|>(?:\s*<desc(?:\s+id{_VALUE})?\s*>[^<&]*</desc>)?((?:\s*(?:{_CHILD}))*)\s*</\1>)"
-)
-_IMAGE = re.compile(r"data:image/png;base64,[\w+/=]*")
-_KEPT_NAMES = {
+# what a stroke's element may hold besides the look that is read: data, as they stand in the file
+_KEPT_NAMES = (
     Data.CLASS, Data.PATH, Data.WIDTH, Data.CLOSED, Data.TEXTURE, Data.MARGIN,
-    Data.AT, Data.RINGS, Data.SPINE, Data.SWELL, Data.OPACITY, "fill", "fill-opacity", "fill-rule",
-    "d", "inkscape:original-d",
-}  # fmt: skip
+    Data.AT, Data.RINGS, Data.SPINE, Data.SWELL, Data.OPACITY,
+)  # fmt: skip
+_PATH_LETTERS = re.compile(r"[\sMmLlHhVvCcSsQqTtAaZz0-9eE+.,-]*")
+_IMAGE = re.compile(r"data:image/png;base64,[\w+/=]*")
+_BOX = re.compile(r"[0-9eE+.-]{1,30}")
 
 # a centre line as we write it
 _NUMBERS = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
@@ -106,7 +93,7 @@ class ReadStroke:
     strip : (m, A, 4) uint8, texels as `Texture` has them; None for flat ink
     margin : px that the strip reaches beyond half the width
     part, track : "" for none
-    drawn : how it was drawn, where every letter of that is ours and it stands as it was written
+    drawn : how it was drawn, where it stands as it was written
     """
 
     xy: np.ndarray
@@ -124,7 +111,6 @@ class ReadStroke:
 def read_strokes(
     element: StrokeElement,
     origin: tuple[float, float],
-    drawn: DrawnStroke | None,
     budget: Budget,
     offset_points: Mapping[str, str],
 ) -> list[ReadStroke]:
@@ -135,7 +121,6 @@ def read_strokes(
     Parameters
     ----------
     origin : of the canvas, in the file's user units
-    drawn : as `drawn_stroke` gives it
     budget : what is left for textures
     offset_points : of the file's PowerStrokes, by the ids of their path effects
 
@@ -152,7 +137,7 @@ def read_strokes(
     baked = baked_transforms(element, closed)
     edited = _edited_power_stroke(element, offset_points)
     if edited is not None:
-        (xy, width), baked, drawn = edited, [IDENTITY], None
+        (xy, width), baked = edited, [IDENTITY]
         closed = closed and bool(np.hypot(*(xy[0] - xy[-1])) < CHORD)
         xy[-1] = xy[0] if closed else xy[-1]
     margin = _margin(attributes[Data.MARGIN]) if Data.MARGIN in attributes else 0.0
@@ -172,10 +157,10 @@ def read_strokes(
     stroke.strip = _strip(element, stroke, baked[0], budget)
     if element.loose and stroke.strip is not None:
         stroke.color[:3] = _mean_ink(stroke.strip)
-    as_written = state.matrix == IDENTITY and state.opacity == 1.0 and baked == [IDENTITY]
-    if as_written and not element.inherits_look:
-        stroke.drawn = drawn
     home = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), state.matrix)
+    stands = home == IDENTITY and state.opacity == 1.0 and baked == [IDENTITY]
+    if stands and edited is None and not element.inherits_look:
+        stroke.drawn = drawn_stroke(element, stroke.color, offset_points)
     return [_transformed_stroke(stroke, compose(home, transform)) for transform in baked]
 
 
@@ -187,9 +172,10 @@ def _track(text: str) -> str:
 def _color(element: StrokeElement) -> np.ndarray:
     """The flat ink of a stroke, (4,) RGBA."""
     state = element.state
-    color = rgba(state.fill)
-    color[3] *= state.fill_opacity * state.opacity * _fade(element)
-    color[3] *= parse_share(element.attributes.get(Data.OPACITY, ""), 1.0)
+    color = np.array([*rgb(state.fill), state.fill_opacity * state.opacity])
+    color[3] *= parse_share(element.attributes.get(Data.OPACITY, ""), 1.0) * _fade(element)
+    if state.fill == "none":
+        color[3] = 0.0
     return color
 
 
@@ -515,67 +501,75 @@ def _unless_edited(transform: Affine | None, area: float, line: np.ndarray) -> A
 
 
 def drawn_stroke(
-    data: bytes, element: StrokeElement, offset_points: Mapping[str, str]
+    element: StrokeElement, color: np.ndarray, offset_points: Mapping[str, str]
 ) -> DrawnStroke | None:
-    """Give a stroke as it is drawn, if every letter of its element and path effect is ours.
+    """Give a stroke as it is drawn, in our words, if all of its look can be said in them.
 
-    It is without id, class, part, track and path effect.
+    Other programs say it in others: svgo and scour give a fill to the layer that all of its strokes
+    have, drop what is so anyway and spell path data anew. Nothing of an element that is not looked
+    at is passed on. It is without id, class, part, track and path effect.
 
     Parameters
     ----------
-    data : the file
+    color : (4,) RGBA in [0, 1], the stroke's flat ink
     offset_points : of the file's PowerStrokes, by the ids of their path effects
     """
-    drawn = _own_element(data, element)
-    effect = element.attributes.get(PATH_EFFECT)
-    if drawn is None or effect is None:
-        return None if drawn is None else DrawnStroke(drawn)
-    if Data.SWELL not in element.attributes:  # of an older version: Inkscape may fail to draw it
+    attributes = element.attributes
+    given = {name: attributes[name] for name in _KEPT_NAMES if name in attributes}
+    given["fill"] = hex_color(color[:3])
+    if Data.MARGIN in attributes:
+        if color[3] < 0.9995:
+            given[Data.OPACITY] = number(color[3], 3)
+        children = [_own_child(shape, given["fill"]) for shape in element.shapes]
+        drawn = tuple(child for child in children if child is not None)
+        return DrawnStroke(Element("g", given, drawn)) if len(drawn) == len(children) else None
+    if not _is_outline(element):
         return None
-    points = offset_points.get(EFFECT + element.id, "")
-    if effect != f"#{EFFECT}{element.id}" or not re.fullmatch("[0-9., |-]+", points):
-        return None
-    return DrawnStroke(drawn, points)
-
-
-def _own_element(data: bytes, element: StrokeElement) -> Element | None:
-    # of an end tag, expat gives where it begins; of an empty element, the place behind it
-    if element.loose:
-        return None
-    itself = not element.shapes or element.shapes[0].attributes is element.attributes
-    empty = data.endswith(b"/>", 0, element.end) and itself and not element.of_shapes
-    end = element.end if empty else data.find(b">", element.end) + 1
-    match = _STROKE.fullmatch(data[element.begin : end].decode("ascii", "replace"))
-    if match is None:
-        return None
-    children = _own_children(match[3] or "")
-    if children is None:
-        return None
-    attributes = dict(_PAIR.findall(match[2]))
-    if element.of_shapes:
-        attributes |= {name: children[0].attributes.pop(name) for name in _data_names(children[0])}
-    if any(map(_data_names, children)):  # of another stroke
-        return None
-    is_stroke = attributes.pop("class", "") == STROKE_CLASS
-    for name in ("id", Data.PART, Data.TRACK, "inkscape:path-effect"):
-        attributes.pop(name, None)
-    if not is_stroke or "fill" not in attributes or not set(attributes) <= _KEPT_NAMES:
-        return None
-    return Element(match[1], attributes, children)
-
-
-def _data_names(element: Element) -> list[str]:
-    return [name for name in element.attributes if name.startswith(DATA)]
-
-
-def _own_children(text: str) -> tuple[Element, ...] | None:
-    """The paths and images in a stroke; None where an image is not in the file itself."""
-    children = []
-    for path, of_path, image, of_image in _CHILDREN.findall(text):
-        attributes = dict(_PAIR.findall(of_path or of_image))
-        if image and not _IMAGE.fullmatch(attributes.get("xlink:href", "")):
+    if color[3] < 0.9995:
+        given["fill-opacity"] = number(color[3], 3)
+    rule = attributes.get("fill-rule", "")
+    given |= {"fill-rule": "evenodd" if rule == "evenodd" else "nonzero", "d": attributes["d"]}
+    points = ""
+    if ORIGINAL_PATH in attributes:
+        points = offset_points.get(EFFECT + element.id, "")
+        ours = attributes.get(PATH_EFFECT) == f"#{EFFECT}{element.id}"
+        # those of an older version have no swell: Inkscape may fail to draw them
+        if not (ours and Data.SWELL in attributes and re.fullmatch("[0-9., |-]+", points)):
             return None
-        for name in ("class", "id"):
-            attributes.pop(name, None)
-        children.append(Element(path or image, attributes))
-    return tuple(children)
+        given["inkscape:original-d"] = attributes[ORIGINAL_PATH]
+    return DrawnStroke(Element("path", given), points)
+
+
+def _is_outline(element: StrokeElement) -> bool:
+    """Whether a stroke is one path, whose data are its own."""
+    attributes = element.attributes
+    return (
+        len(element.shapes) == 1
+        and element.shapes[0].attributes is attributes
+        and element.shapes[0].tag == "path"
+        and all(_PATH_LETTERS.fullmatch(attributes.get(name, "")) for name in ("d", ORIGINAL_PATH))
+        and "d" in attributes
+    )
+
+
+def _own_child(shape: Shape, ink: str) -> Element | None:
+    """A path or an image of a stroke in our words; None where it is none of ours.
+
+    `ink` is the fill of the stroke.
+    """
+    attributes = shape.attributes
+    if shape.tag == "path":
+        d = attributes.get("d", "")
+        if shape.matrix != TONE_SCALE or shape.opacity < 1.0 or not _PATH_LETTERS.fullmatch(d):
+            return None
+        fill = hex_color(rgb(shape.fill))
+        look = {} if fill == ink else {"fill": fill}
+        look["fill-opacity"] = number(shape.fill_opacity, 3)
+        return Element("path", look | TONE_LOOK | {"d": tone_path(d) or d})
+    href = re.sub(r"\s+", "", image_link(attributes))
+    box = {name: attributes.get(name, "0") for name in ("x", "y", "width", "height")}
+    if shape.matrix != IDENTITY or shape.opacity < 1.0 or not _IMAGE.fullmatch(href):
+        return None
+    if not all(map(_BOX.fullmatch, box.values())):
+        return None
+    return Element("image", box | {"preserveAspectRatio": "none", "xlink:href": href})

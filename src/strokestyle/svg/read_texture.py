@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import colorsys
 import re
 from dataclasses import dataclass
 
@@ -21,7 +20,7 @@ from ..geometry.affine import Affine, determinant, inverse, is_flat, transformed
 from ..geometry.bezier import flatten
 from ..geometry.polygons import winding_number
 from .format import LIMITS
-from .path_data import length, parse_path, parse_share
+from .path_data import length, parse_path
 from .png import read_png
 
 DENSITY = 1.5  # texels a px, of what is drawn in tones
@@ -29,10 +28,6 @@ MAX_PIXELS = LIMITS["image_pixels"].value
 MAX_RINGS = LIMITS["rings"].value
 CHORD = 0.05  # px between a curve and its chords
 TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
-MAX_COLOR = 200  # characters of a colour that are looked at
-_BESIDE_COLOR = re.compile(r"url\([^)]*\)(?!\s*(?:none)?$)|icc-color\([^)]*\)|\s*!\s*important")
-_CALLED_COLOR = re.compile(r"(rgb|hsl)a?\(([^()]*)\)")
-_COLOR_NUMBER = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)(?:%|deg)?")
 _PNG = re.compile(r"\s*data:image/png;base64,")  # other images, and elsewhere, are not looked at
 
 
@@ -177,7 +172,9 @@ def decoded(attributes: dict[str, str], budget: Budget) -> Image.Image:
 
     Raises ValueError where it is damaged or too large, or the budget is spent.
     """
-    image = read_png(from_base64(_PNG.sub("", _href(attributes)), "image"), MAX_PIXELS, "image")
+    image = read_png(
+        from_base64(_PNG.sub("", image_link(attributes)), "image"), MAX_PIXELS, "image"
+    )
     budget.spend("pixels", image.width * image.height)
     return image
 
@@ -190,7 +187,8 @@ def from_base64(text: str, what: str) -> bytes:
         raise ValueError(f"its {what} is no base64") from None
 
 
-def _href(attributes: dict[str, str]) -> str:
+def image_link(attributes: dict[str, str]) -> str:
+    """Give the link of an image, "" where it has none."""
     return attributes.get("http://www.w3.org/1999/xlink}href", attributes.get("href", ""))
 
 
@@ -206,7 +204,7 @@ def has_external_image(shapes: list[Shape]) -> bool:
     """
     images = [shape for shape in shapes if shape.tag == "image"]
     return len(images) == len(shapes) > 0 and not any(
-        _PNG.match(_href(shape.attributes)) for shape in images
+        _PNG.match(image_link(shape.attributes)) for shape in images
     )
 
 
@@ -216,7 +214,7 @@ def _is_drawn(shape: Shape) -> bool:
         return False
     if shape.tag == "path":
         return True
-    in_file = _PNG.match(_href(shape.attributes)) is not None
+    in_file = _PNG.match(image_link(shape.attributes)) is not None
     return in_file and min(image_box(shape.attributes)[2:]) > 0
 
 
@@ -292,40 +290,7 @@ def _one_ink(texels: np.ndarray) -> np.ndarray | None:
 
 def rgb(fill: str) -> np.ndarray:
     """Read a CSS colour as (r, g, b) in [0, 1]; black where it is none that we know."""
-    return rgba(fill)[:3]
-
-
-def rgba(fill: str) -> np.ndarray:
-    """Read a CSS colour as (r, g, b, opacity) in [0, 1]; black where it is none that we know.
-
-    Of `url(#gradient) red`, or `red icc-color(name, 0, 1)`, that is red; `none` is clear.
-    """
-    name = _BESIDE_COLOR.sub("", fill[:MAX_COLOR].lower()).strip()
-    if name in ("none", "transparent"):
-        return np.zeros(4)
-    called = _CALLED_COLOR.fullmatch(name)
     try:
-        if called:
-            return np.clip(_called_color(called[1], called[2]), 0.0, 1.0)
-        return np.array(ImageColor.getcolor(name, "RGBA"), np.float64) / 255.0
+        return np.clip(np.array(ImageColor.getrgb(fill[:60])[:3], np.float64) / 255.0, 0.0, 1.0)
     except ValueError:
-        return np.array([0.0, 0.0, 0.0, 1.0])
-
-
-def _called_color(function: str, arguments: str) -> tuple[float, ...]:
-    """(r, g, b, opacity) of `rgb` or `hsl`, perhaps beyond [0, 1]. Raises ValueError.
-
-    Old and new notation: `rgb(255, 0, 0)`, `rgb(100% 0% 0% / 50%)`, `hsl(120deg 100% 50%)`.
-    """
-    words = re.split(r"\s*[\s,/]\s*", arguments.strip())
-    values = [_COLOR_NUMBER.fullmatch(word) for word in words[:3]]
-    if len(words) not in (3, 4) or not all(values):
-        raise ValueError("no colour")
-    opacity = parse_share(words[3], 1.0) if len(words) == 4 else 1.0
-    numbers = [float(value[1]) for value in values if value]
-    if function == "rgb":
-        whole = [100.0 if word.endswith("%") else 255.0 for word in words]
-        return *(v / of for v, of in zip(numbers, whole, strict=False)), opacity
-    hue, saturation, lightness = numbers
-    shares = (min(max(share / 100.0, 0.0), 1.0) for share in (lightness, saturation))
-    return *colorsys.hls_to_rgb(hue / 360.0 % 1.0, *shares), opacity
+        return np.zeros(3)

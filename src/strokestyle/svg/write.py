@@ -36,7 +36,7 @@ from .format import (
     STRIP_LEVELS_FEW,
     STROKE_CLASS,
     TONE_CLASS,
-    TONE_UNIT,
+    TONE_LOOK,
     TRACK_NAME,
     WIDTH_DECIMALS,
     WIDTH_SLACK,
@@ -458,15 +458,12 @@ def _tone_paths(shapes: list[ToneShape], ink: np.ndarray) -> tuple[Element, ...]
 
     So programs see the stroke's fill in use.
     """
-    # svgo works a transform into every number of a path that has no style; MuPDF does not know
-    # all that may be said in one, so this says nothing
-    unit = {"style": "opacity:1", "transform": f"scale({number(TONE_UNIT, 4)})"}
     stray = [float(np.abs(shape.color - ink).max()) for shape in shapes]
     paths = []
     for shape, off in zip(shapes, stray, strict=True):
         same = off < SAME_INK or off == min(stray) < NEAR_INK
         fill = {} if same else {"fill": hex_color(shape.color)}
-        fill |= {"fill-opacity": number(shape.opacity, 2), **unit, "d": shape.d}
+        fill |= {"fill-opacity": number(shape.opacity, 2), **TONE_LOOK, "d": shape.d}
         paths.append(Element("path", fill))
     return tuple(paths)
 
