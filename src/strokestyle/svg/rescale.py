@@ -8,28 +8,30 @@ inverse give what there was, and what the file holds besides stays to the letter
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..drawing.strokes import MAX_MARGIN
 from ..files import limited
-from ..geometry.affine import IDENTITY
+from ..geometry.affine import transformed
 from ..geometry.curves import KINDS, counting, kind_named, owner
 from ..geometry.parts import Parts, part_name
 from .format import MARGIN_DECIMALS, TONE_UNIT, WIDTH_DECIMALS, Data, SvgOptions
-from .landmarks import landmarks
-from .markup import number, numbers, units
+from .kept import DrawnStroke
+from .markup import Element, number, numbers, units
 from .read_elements import ElementReader, StrokeElement
-from .read_stroke import drawn_stroke, read_centre_line, read_widths
-from .read_texture import MAX_RINGS, TONES
-from .tones import Tones, ToneShape, edge_of, tone_shapes
+from .read_stroke import baked_transforms, read_centre_line, read_widths
+from .read_texture import MAX_RINGS, TONES, Shape
+from .tone_path import tone_path
+from .tones import Tones, tone_shapes
 from .write import edge_at
 
 FACTORS = (0.5, 1.6)  # beyond, grain would be drawn out across strokes too much
 SPACING = 1.0  # px between places on centre lines among which the nearest is looked up
-MOVED = 0.06  # px that landmarks may be off where nobody moved a stroke
+MOVED = 0.06  # px that tones may lie beside their data
 APART = 1e7  # between strokes where places are looked up, more than any two of one stroke
 MAX_PAIRS = 1 << 27  # of a point and a place on its centre line, that are looked at one by one
 AT_ONCE = 1 << 18  # of these pairs
@@ -51,8 +53,9 @@ class _Rings(NamedTuple):
 def thickened_svg(data: bytes, factors: Factors) -> tuple[str, int] | None:
     """Multiply thicknesses in a file of ours: its text, and its number of strokes.
 
-    None where the file has to be read as a drawing: where a stroke that changes is not in tones and
-    as we write it, or a factor is not within FACTORS. Raises ValueError as `read_svg` does.
+    What other programs wrote anew in it, or moved, stays as they left it. None where the file has
+    to be read as a drawing: where a stroke that changes is not in tones in a group of its own, or a
+    factor is not within FACTORS. Raises ValueError as `read_svg` does.
 
     Parameters
     ----------
@@ -65,25 +68,65 @@ def thickened_svg(data: bytes, factors: Factors) -> tuple[str, int] | None:
     found.read(data)
     others = found.hidden + found.foreign_shapes + found.effects
     options = SvgOptions.from_text(found.root.get(Data.OPTIONS, ""))
-    same_page = found.root.get("viewBox", "") == found.root.get(Data.PAGE)
-    if others or not (found.strokes and same_page and options.texture == "vector"):
+    if others or not found.strokes or options.texture != "vector":
         return None
     every = factors(*kinds_and_parts(found))
     if not FACTORS[0] <= every.min() <= every.max() <= FACTORS[1]:
         return None
     changed = np.flatnonzero(every != 1.0)
     strokes, factor = [found.strokes[i] for i in changed.tolist()], every[changed]
-    drawn = _thicker_tones(data, strokes, factor) if strokes else []
+    if not all(map(_is_in_own_space, strokes)):
+        return None
+    toned = [_toned(stroke.attributes, stroke.shapes) for stroke in strokes]
+    drawn = _thicker_tones(toned, factor)
     if drawn is None:
         return None
     made, at = [], 0
-    for stroke, shapes, k in zip(strokes, drawn, factor.tolist(), strict=True):
+    for stroke, then in zip(strokes, drawn, strict=True):
         end = data.find(b">", stroke.end) + 1
-        texts = [shape.d for shape in shapes]
-        given = _data(stroke, k) | {Data.AT: edge_at(shapes[0].edge)}
-        made += [data[at : stroke.begin], _replaced(data[stroke.begin : end], texts, given)]
+        text = _replaced(data[stroke.begin : end], stroke, then)
+        if text is None:
+            return None
+        made += [data[at : stroke.begin], text]
         at = end
     return b"".join([*made, data[at:]]).decode("utf-8"), len(found.strokes)
+
+
+def thicker_strokes(drawn: Mapping[int, DrawnStroke], factor: np.ndarray) -> dict[int, DrawnStroke]:
+    """Multiply thicknesses of strokes that were drawn in tones: those of the others are left out.
+
+    `factor` (C,) is that of each stroke, by its key; where it is 1 or beyond FACTORS, a stroke is
+    left out too.
+    """
+    within = (factor != 1.0) & (factor >= FACTORS[0]) & (factor <= FACTORS[1])
+    made = {}
+    for i, stroke in drawn.items():
+        element = stroke.element
+        if not (within[i] and Data.MARGIN in element.attributes and element.children):
+            continue
+        toned = _toned(element.attributes, element.children)
+        thicker = _thicker_tones([toned], factor[i : i + 1])
+        if thicker is not None:
+            (after,) = thicker
+            paths = [
+                replace(path, attributes=path.attributes | {"d": d})
+                for path, d in zip(element.children, after.paths, strict=True)
+            ]
+            data = element.attributes | after.data
+            made[i] = DrawnStroke(replace(element, attributes=data, children=tuple(paths)))
+    return made
+
+
+class _Toned(NamedTuple):
+    """A stroke in tones: its data, and the path data of its tones, in units of TONE_UNIT."""
+
+    data: dict[str, str]
+    paths: list[str]
+
+
+def _toned(data: dict[str, str], shapes: Iterable[Shape | Element]) -> _Toned:
+    paths = [shape.attributes.get("d", "") for shape in shapes]
+    return _Toned(data, [tone_path(d) or d for d in paths])
 
 
 def kinds_and_parts(found: ElementReader) -> tuple[np.ndarray, Parts | None]:
@@ -94,44 +137,46 @@ def kinds_and_parts(found: ElementReader) -> tuple[np.ndarray, Parts | None]:
     return np.array(kinds, np.int8), Parts.of_names(names)
 
 
-def _thicker_tones(
-    data: bytes, strokes: Sequence[StrokeElement], factor: np.ndarray
-) -> Iterable[list[ToneShape]] | None:
-    """The tones of strokes whose thicknesses are multiplied (C,); None where one is not as written.
+def _thicker_tones(strokes: Sequence[_Toned], factor: np.ndarray) -> list[_Toned] | None:
+    """Strokes with their thicknesses multiplied (C,), and but the data that change.
 
-    There is one stroke at least.
+    None where the tones of one are not as `tone_shapes` writes them.
     """
-    if not all(_is_as_written(data, stroke) for stroke in strokes):
+    if not strokes:
+        return []
+    rings = _rings([stroke.paths for stroke in strokes])
+    if rings is None:
         return None
-    rings = _rings([[s.attributes.get("d", "") for s in e.shapes] for e in strokes])
-    if rings is None or not _are_where_written(strokes, rings):
-        return None
-    points = rings.points + _steps_away(strokes, rings, factor)
+    points = rings.points + _steps_away([stroke.data for stroke in strokes], rings, factor)
     depth = 1 + int(rings.tone.max())
     shown = np.zeros((len(strokes), depth))
     regions = Tones(
         shown, np.zeros((*shown.shape, 3)), points, rings.offsets, rings.stroke, rings.tone
     )
-    return tone_shapes(regions)
+    return [
+        _Toned(_data(stroke.data, k) | {Data.AT: edge_at(shapes[0].edge)}, [s.d for s in shapes])
+        for stroke, shapes, k in zip(strokes, tone_shapes(regions), factor.tolist(), strict=True)
+    ]
 
 
-def _is_as_written(data: bytes, stroke: StrokeElement) -> bool:
-    """Whether every letter of a stroke in tones is ours, and nothing around it changes its look."""
-    drawn = stroke.of_shapes and not stroke.inherits_look and drawn_stroke(data, stroke, {})
-    return (
-        bool(drawn)
-        and stroke.state.matrix == IDENTITY
-        and stroke.state.opacity == 1.0
-        and all(
-            shape.tag == "path"
-            and shape.attributes.get("transform") == f"scale({number(TONE_UNIT, 4)})"
-            for shape in stroke.shapes
-        )
+def _is_in_own_space(stroke: StrokeElement) -> bool:
+    """Whether a stroke is drawn in tones where its data are, however both were moved together."""
+    if not stroke.of_shapes or stroke.loose:
+        return False
+    (baked,) = baked_transforms(stroke, False)
+    line = read_centre_line(stroke.attributes[Data.PATH], False)
+    there = transformed(baked, line)
+    return all(
+        shape.tag == "path"
+        and np.abs(transformed(shape.matrix, line / TONE_UNIT) - there).max() < MOVED
+        for shape in stroke.shapes
     )
 
 
 def _rings(paths: Sequence[Sequence[str]]) -> _Rings | None:
     """The polygons of the tones of strokes, from their path data; None where these are not ours."""
+    if not all(paths):
+        return None
     texts, stroke, tone = [], [], []
     for i, tones in enumerate(paths):
         for k, d in enumerate(tones):
@@ -181,26 +226,14 @@ def _running(values: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     return total - np.repeat(before, np.diff(offsets), axis=0)
 
 
-def _are_where_written(strokes: Sequence[StrokeElement], rings: _Rings) -> bool:
-    """Whether the first ring of each stroke is where its data say that it was."""
-    first = np.flatnonzero(np.diff(rings.stroke, prepend=-1))
-    if len(first) != len(strokes):
-        return False
-    for stroke, ring in zip(strokes, first.tolist(), strict=True):
-        *places, _ = stroke.attributes.get(Data.AT, "").split() or [""]
-        then = np.array([place.split(",") for place in places], float)
-        edge = edge_of(rings.points[slice(*rings.offsets[ring : ring + 2])])
-        if then.shape != (4, 2) or np.abs(landmarks(edge) - then).max() > MOVED:
-            return False
-    return True
-
-
-def _steps_away(strokes: Sequence[StrokeElement], rings: _Rings, factor: np.ndarray) -> np.ndarray:
+def _steps_away(
+    strokes: Sequence[Mapping[str, str]], rings: _Rings, factor: np.ndarray
+) -> np.ndarray:
     """By how many units (n, 2) the rings' points go away from the centre lines of their strokes.
 
-    `factor` (C,) is by stroke.
+    `strokes` are the data of each, `factor` (C,) is by stroke.
     """
-    lines = [_dense(stroke) for stroke in strokes]
+    lines = [_dense(data) for data in strokes]
     xy = np.concatenate(lines)
     whose = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
     points = rings.points * (2 * TONE_UNIT)
@@ -244,34 +277,45 @@ def _nearest(points: np.ndarray, of: np.ndarray, lines: list[np.ndarray]) -> np.
     return near
 
 
-def _dense(stroke: StrokeElement) -> np.ndarray:
+def _dense(data: Mapping[str, str]) -> np.ndarray:
     """The centre line of a stroke (n, 2) with points SPACING apart, px."""
-    xy = read_centre_line(stroke.attributes[Data.PATH], Data.CLOSED in stroke.attributes)
+    xy = read_centre_line(data[Data.PATH], Data.CLOSED in data)
     length = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
     at = np.union1d(length, np.linspace(0.0, length[-1], 2 + int(length[-1] / SPACING)))
     return np.column_stack([np.interp(at, length, column) for column in xy.T])
 
 
-def _data(stroke: StrokeElement, factor: float) -> dict[str, str]:
+def _data(data: Mapping[str, str], factor: float) -> dict[str, str]:
     """Widths and margin of a stroke, times a factor. Raises ValueError on those that are none."""
-    text = stroke.attributes.get(Data.WIDTH, "1")
-    read_widths(read_centre_line(stroke.attributes[Data.PATH], False), text)
+    text = data.get(Data.WIDTH, "1")
+    read_widths(read_centre_line(data[Data.PATH], False), text)
     pairs = [word.rpartition(",") for word in text.split()]
     scaled = units(factor * np.array([float(width) for *_, width in pairs]), WIDTH_DECIMALS)
     widths = zip(pairs, numbers(scaled, WIDTH_DECIMALS), strict=True)
-    margin = min(factor * float(stroke.attributes[Data.MARGIN]), MAX_MARGIN)
+    margin = min(factor * float(data[Data.MARGIN]), MAX_MARGIN)
     return {
         Data.WIDTH: " ".join(f"{t}{comma}{width}" for (t, comma, _), width in widths),
         Data.MARGIN: number(margin, MARGIN_DECIMALS),
     }
 
 
-def _replaced(text: bytes, paths: Sequence[str], given: dict[str, str]) -> bytes:
-    """A stroke's text with other path data, one after the other, and other values of attributes."""
-    left = iter(paths)
+def _replaced(text: bytes, stroke: StrokeElement, after: _Toned) -> bytes | None:
+    """A stroke's text with other path data, one after the other, and other values of attributes.
+
+    None where it is not so plain that these are what the attributes' names stand before.
+    """
+    told = re.findall(rb'\sd="([^"]*)"', text)
+    if told != [shape.attributes.get("d", "").encode() for shape in stroke.shapes]:
+        return None
+    left = iter(after.paths)
     made = re.sub(rb'(\sd=)"[^"]*"', lambda d: d[1] + f'"{next(left)}"'.encode(), text)
-    for name, value in given.items():
-        place = re.search(rb'\s%s="([^"]*)"' % name.encode(), made)
-        if place is not None:
-            made = made[: place.start(1)] + value.encode() + made[place.end(1) :]
+    for name, value in after.data.items():
+        places = list(re.finditer(rb'\s%s="([^"]*)"' % name.encode(), made))
+        was = stroke.attributes.get(name)
+        if [place[1] for place in places] != ([] if was is None else [was.encode()]):
+            return None
+        if places:
+            made = made[: places[0].start(1)] + value.encode() + made[places[0].end(1) :]
+        elif name != Data.AT:
+            return None
     return made
