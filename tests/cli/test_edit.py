@@ -16,7 +16,7 @@ from strokestyle.drawing.strokes import lengths
 from strokestyle.geometry.curves import KINDS
 from strokestyle.geometry.parts import Parts
 from strokestyle.svg.read import read_svg, read_svg_file
-from strokestyle.svg.write import save_svg, write_svg
+from strokestyle.svg.write import png_from_svg, save_svg, write_svg
 
 CONTOUR = KINDS.index("contour")
 
@@ -316,6 +316,39 @@ def test_thickness_there_and_back_wears_little_of_tones():
         data = edited(data, "--thickness", factor)
         assert read_svg(data).texture.margin == pytest.approx(whole * margin, abs=0.01)
     assert len(data) == pytest.approx(size, rel=0.05)
+
+
+@pytest.mark.parametrize("program", ["", "-svgo", "-scour", "-inkscape-plain"])
+@pytest.mark.parametrize("edits", [["--recolor", "#336"], ["--drop", "other", "--recolor", "#336"]])
+def test_edits_of_tones_wear_nothing_whoever_saved_them(program, edits):
+    """Thickness and colour there and back, by themselves and at once."""
+    first = data = edited((GOLDEN / f"vector{program}.svg").read_bytes(), "--recolor", "#1a284d")
+    for _ in range(3):
+        blue = edited(data, *edits, "--thickness", "1.25")
+        data = edited(edited(blue, "--thickness", ".8"), "--recolor", "#1a284d")
+    assert b"data-ss-was" not in blue and b"#333366" in blue and b"#1a284d" not in blue
+    assert len(data) == pytest.approx(len(first), rel=0.02)
+    was, got = (read_svg(each) for each in (first, data))
+    assert got.strokes.thickness == pytest.approx(was.strokes.thickness, abs=0.002)
+    assert np.abs(pixels(data) - pixels(first)).mean() < 0.5
+    thick = edited(first, *edits, "--thickness", "1.25")
+    again = edited(edited(first, *edits), "--thickness", "1.25")
+    assert thick == again
+
+
+def pixels(data):
+    picture = Image.open(io.BytesIO(png_from_svg(data.decode(), 2.0)))
+    return np.asarray(picture.convert("L"), np.float64)
+
+
+def test_a_file_of_which_one_stroke_cannot_be_scaled_keeps_what_it_was():
+    first = write_svg(small("grain"), texture="vector").encode()
+    odd = first.replace(b"opacity:1", b"opacity:.9", 1)
+    thick = edited(odd, "--thickness", "1.25")
+    assert b"data-ss-was" not in thick  # in the file itself
+    moved = odd.replace(b"scale(.15)", b"scale(.15)skewX(9)", 1)
+    thick = edited(moved, "--thickness", "1.25")
+    assert b"data-ss-was" in thick and edited(thick, "--thickness", ".8") == moved
 
 
 @pytest.mark.parametrize("texture", ["image", "vector"])

@@ -244,6 +244,26 @@ def test_recolouring_keeps_opacity_and_variation():
     ].mean() == pytest.approx(128, abs=6)
 
 
+def test_one_colour_and_the_other_again_are_the_colours_that_were():
+    drawing = edits.recolor(small("colours"), (0.45, 0.5, 0.5))
+    was = edits.recolor(drawing, (0.45, 0.5, 0.5)).texture.rgba.astype(int)
+    back = edits.recolor(edits.recolor(drawing, (0.5, 0.4, 0.6)), (0.45, 0.5, 0.5))
+    away = np.abs(back.texture.rgba - drawing.texture.rgba.astype(int))
+    assert np.abs(was - drawing.texture.rgba).max() == 0
+    assert away.max() <= 13 and (away > 0).mean() < 0.1  # but for what left the range of colours
+
+
+def test_the_ink_is_the_mean_colour_where_the_stroke_is_told_to_have_quite_another():
+    drawing = small("colours")
+    stale = replace(drawing, color=drawing.color * [0, 0, 0, 1] + [0, 1, 0, 0])
+    assert np.array_equal(
+        edits.recolor(stale, (0.5, 0.4, 0.6)).texture.rgba,
+        edits.recolor(
+            replace(stale, color=stale.color[:, [1, 2, 0, 3]]), (0.5, 0.4, 0.6)
+        ).texture.rgba,
+    )
+
+
 def test_texture_of_a_copy_edited_by_nothing_is_nearly_the_same():
     drawing = small("grain")
     almost = edits.thicken(drawing, 1.0000001)

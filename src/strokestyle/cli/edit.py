@@ -33,10 +33,8 @@ from .outputs import (
 )
 
 if TYPE_CHECKING:
-    import numpy as np
     from click.shell_completion import CompletionItem
 
-    from ..drawing.strokes import Drawing
     from ..svg.read import SvgFile
     from .edit_text import Edit, NamedDrawing, Thickness
 
@@ -212,10 +210,11 @@ def thickened(drawing: str, changes: Sequence[Thickness]) -> tuple[str, int, str
     """
     import numpy as np
 
+    from ..svg.kept import kept_strokes
     from ..svg.original import Original, keep_original, original_of
     from ..svg.rescale import thickened_svg
     from ..svg.write import write_svg
-    from .edit_text import factors_of
+    from .edit_text import NamedDrawing, factors_of, thicker
 
     piped = drawing == STANDARD_OUTPUT
     data = sys.stdin.buffer.read() if piped else Path(drawing).read_bytes()
@@ -241,10 +240,13 @@ def thickened(drawing: str, changes: Sequence[Thickness]) -> tuple[str, int, str
             found = read_drawing(drawing, data if piped else None)
         before = Original(data, np.ones(1))
         factor = factors_of(changes, found.drawing.strokes.kind, found.drawing.parts)
-    edited = thicker(found.drawing, factor)
+    named = NamedDrawing(found.drawing, found.ids, found.kept)
+    with timed("thickness"):
+        edited = thicker(named, factor)
     with timed("write the SVG"):
-        text = write_svg(edited, found.options, ids=found.ids, kept=found.kept)
-    if edited.texture is not None and (factor != 1.0).any():
+        text = write_svg(edited.drawing, found.options, ids=found.ids, kept=edited.kept)
+    as_drawn = len(kept_strokes(edited.drawing, found.options, edited.kept)) == len(found.ids)
+    if edited.drawing.texture is not None and (factor != 1.0).any() and not as_drawn:
         text = keep_original(text, Original(before.data, factor))
     return text, len(found.ids), left_out(found)
 
@@ -262,33 +264,22 @@ def edited_text(
 ) -> tuple[str, int, str]:
     """The SVG of an edited drawing, its number of strokes, and what was left out."""
     from ..svg.write import write_svg
-    from .edit_text import NamedDrawing, factors_of
+    from .edit_text import NamedDrawing, factors_of, thicker
 
     with timed("read the drawing"):
         found = read_drawing(drawing)
-    changes, drawn = thicknesses(edits), found.drawing
+    named = NamedDrawing(found.drawing, found.ids, found.kept)
+    changes = thicknesses(edits)
     if changes is None:
-        edited = make_edits(edits, NamedDrawing(drawn, found.ids), seed)
+        edited = make_edits(edits, named, seed)
     else:
-        factor = factors_of(changes, drawn.strokes.kind, drawn.parts)
-        edited = NamedDrawing(thicker(drawn, factor), found.ids)
+        factor = factors_of(changes, named.drawing.strokes.kind, named.drawing.parts)
+        edited = thicker(named, factor)
     if not edited.ids:
         raise ValueError(f"{drawing}: --drop takes out all {len(found.ids)} strokes: drop fewer")
     with timed("write the SVG"):
-        text = write_svg(edited.drawing, found.options, ids=edited.ids, kept=found.kept, **look)
+        text = write_svg(edited.drawing, found.options, ids=edited.ids, kept=edited.kept, **look)
     return text, len(edited.ids), left_out(found)
-
-
-def thicker(drawing: Drawing, factor: np.ndarray) -> Drawing:
-    """The drawing with thicknesses multiplied, (C,); a little, texture is drawn out across."""
-    from ..drawing.edit import scale_across, thicken
-    from ..svg.rescale import FACTORS
-
-    with timed("thickness"):
-        for each in sorted({*factor.tolist()} - {1.0}):
-            within = FACTORS[0] <= each <= FACTORS[1]
-            drawing = (scale_across if within else thicken)(drawing, each, factor == each)
-    return drawing
 
 
 def make_edits(edits: Iterable[GivenEdit], drawing: NamedDrawing, seed: int) -> NamedDrawing:

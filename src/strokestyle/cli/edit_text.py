@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..drawing.edit import keep, move, recolor, simplify, smooth, taper, thicken, wiggle
+from ..drawing.edit import (
+    keep,
+    move,
+    recolor,
+    scale_across,
+    simplify,
+    smooth,
+    taper,
+    thicken,
+    wiggle,
+)
 from ..drawing.strokes import Drawing, Strokes, lengths
 from ..geometry.curves import is_kind
 from ..geometry.kinds import KINDS
 from ..geometry.parts import Parts, part_name
 from .model import read_style
+
+if TYPE_CHECKING:
+    from ..svg.kept import Kept
 
 
 @dataclass(frozen=True)
@@ -25,10 +38,17 @@ class NamedDrawing:
     ----------
     drawing : Drawing
     ids : (C,) names, as `--move` knows the strokes by; "" is none
+    kept : strokes as they are drawn in their file, or are to be: what nobody changes is not drawn
+        anew
     """
 
     drawing: Drawing
     ids: tuple[str, ...]
+    kept: Kept = field(default_factory=dict)
+
+    def with_drawing(self, drawing: Drawing) -> NamedDrawing:
+        """Another drawing of as many strokes, with their names."""
+        return replace(self, drawing=drawing)
 
 
 Edit = Callable[[NamedDrawing, int], NamedDrawing]  # (drawing, seed) -> the edited drawing
@@ -101,11 +121,10 @@ def parse_edit(name: str, text: str) -> Edit:
         return _restyle_with(text)
     names, _, value = text.rpartition("=")
     if name == "recolor":
-        color = _color(value)
-        return _on_named(names, lambda drawing, only, seed: recolor(drawing, color, only))
+        return _recolor_to(_color(value), names)
     edit = _on_named(names, _parse_numeric(name, value))
     if name == "thickness":
-        return Thickness(_numbers(value, "--thickness", 1)[0], names, edit)
+        return Thickness(_numbers(value, "--thickness", 1)[0], names)
     return edit
 
 
@@ -118,11 +137,10 @@ class Thickness:
 
     factor: float
     names: str
-    edit: Edit
 
     def __call__(self, named: NamedDrawing, seed: int) -> NamedDrawing:
         """Make the edit."""
-        return self.edit(named, seed)
+        return thicker(named, factors_of([self], named.drawing.strokes.kind, named.drawing.parts))
 
 
 def factors_of(changes: Sequence[Thickness], kind: np.ndarray, parts: Parts | None) -> np.ndarray:
@@ -137,6 +155,19 @@ def factors_of(changes: Sequence[Thickness], kind: np.ndarray, parts: Parts | No
     return factor
 
 
+def thicker(named: NamedDrawing, factor: np.ndarray) -> NamedDrawing:
+    """The drawing with thicknesses multiplied, (C,); a little, texture is drawn out across."""
+    from ..svg.kept import carried
+    from ..svg.rescale import FACTORS, thicker_strokes
+
+    drawing = named.drawing
+    for each in sorted({*factor.tolist()} - {1.0}):
+        within = FACTORS[0] <= each <= FACTORS[1]
+        drawing = (scale_across if within else thicken)(drawing, each, factor == each)
+    kept = carried(named.kept, named.drawing, drawing, lambda drawn: thicker_strokes(drawn, factor))
+    return NamedDrawing(drawing, named.ids, kept)
+
+
 # -------------------------------------------------------------------------- edits of named strokes
 
 StrokesEdit = Callable[[Drawing, "np.ndarray | None", int], Drawing]  # (drawing, only, seed)
@@ -147,7 +178,7 @@ def _on_named(names: str, edit: StrokesEdit) -> Edit:
 
     def apply(named: NamedDrawing, seed: int) -> NamedDrawing:
         only = strokes_named(named.drawing, names) if names else None
-        return NamedDrawing(edit(named.drawing, only, seed), named.ids)
+        return named.with_drawing(edit(named.drawing, only, seed))
 
     return apply
 
@@ -217,7 +248,7 @@ def _parse_move(text: str) -> Edit:
 
     def apply(named: NamedDrawing, seed: int) -> NamedDrawing:
         moved = move(named.drawing, _stroke(named, stroke), point, (dx, dy))
-        return NamedDrawing(moved, named.ids)
+        return named.with_drawing(moved)
 
     return apply
 
@@ -256,7 +287,24 @@ def _parse_drop(text: str) -> Edit:
                 length = lengths(drawing)
                 gone &= length < limit if compare == "<" else length > limit
         ids = tuple(np.array(named.ids, object)[~gone])
-        return NamedDrawing(keep(drawing, ~gone), ids)
+        return NamedDrawing(keep(drawing, ~gone), ids, named.kept)
+
+    return apply
+
+
+def _recolor_to(color: tuple[float, float, float], names: str) -> Edit:
+    def apply(named: NamedDrawing, seed: int) -> NamedDrawing:
+        from ..svg.kept import carried
+        from ..svg.recolor import recolored_strokes
+
+        before = named.drawing
+        only = strokes_named(before, names) if names else np.ones(len(before.strokes), bool)
+        after = recolor(before, color, only)
+        index = np.flatnonzero(only).tolist()
+        kept = carried(
+            named.kept, before, after, lambda drawn: recolored_strokes(drawn, before, color, index)
+        )
+        return NamedDrawing(after, named.ids, kept)
 
     return apply
 

@@ -22,6 +22,7 @@ from .strokes import MAX_MARGIN, Drawing, Strokes, Texture
 STEP = 3.0  # px between the points of a line that is drawn anew
 CORNER = 50.0  # degrees; where a simplified line turns by more, it keeps its corner
 MAX_LENGTH = 1_000_000  # px of a stroke's length that edits resample
+NEAR_INK = 24.0  # of 255: a mean colour less far than this from a stroke's own is about that
 EVEN_INK = 3.0  # of 255: a colour that varies by less, root mean square, is one colour
 
 
@@ -226,18 +227,39 @@ def recolor(
         rgba = texture.rgba.copy()
         for i in np.flatnonzero(only).tolist():
             rows = slice(texture.offsets[i], texture.offsets[i + 1])
-            rgba[rows, :, :3] = _recoloured(rgba[rows].astype(np.float64), wanted)
+            new = recoloring(drawing, i, color)
+            rgba[rows, :, :3] = new(rgba[rows, :, :3])
         texture = Texture(rgba, texture.offsets, texture.margin)
     return replace(drawing, color=ink, texture=texture)
 
 
-def _recoloured(strip: np.ndarray, color: np.ndarray) -> np.ndarray:
-    """Colours (n, A, 3) in 0..255 of a strip (n, A, 4) moved so that `color` is their mean."""
+def recoloring(
+    drawing: Drawing, i: int, color: tuple[float, float, float]
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Give how `recolor` changes each colour in the texture of stroke i.
+
+    They move as one, so that the ink about which they vary becomes `color`. That is the stroke's
+    own where their mean is near it: so one colour and the other again give what there was.
+
+    Returns
+    -------
+    a function of colours (..., 3) uint8, which gives the new ones likewise
+    """
+    assert drawing.texture is not None  # asked of drawings with one
+    strip = drawing.texture.strip(i).astype(np.float64)
     rgb, alpha = strip[..., :3], strip[..., 3:]
     weight = alpha.sum()
-    apart = rgb - (rgb * alpha).sum(axis=(0, 1)) / max(weight, 1.0)
-    even = np.square(apart * alpha / 255).sum() < EVEN_INK**2 * weight / 255
-    return np.rint(np.clip(255 * color + (0.0 if even else apart), 0, 255))
+    mean = (rgb * alpha).sum(axis=(0, 1)) / max(weight, 1.0)
+    even = np.square((rgb - mean) * alpha / 255).sum() < EVEN_INK**2 * weight / 255
+    own = 255 * drawing.color[i, :3]
+    ink = own if np.abs(own - mean).max() < NEAR_INK else mean
+    wanted = 255 * np.asarray(color, np.float64)
+
+    def new(colors: np.ndarray) -> np.ndarray:
+        moved = np.broadcast_to(wanted, colors.shape) if even else colors + (wanted - ink)
+        return np.rint(np.clip(moved, 0, 255)).astype(np.uint8)
+
+    return new
 
 
 def cut_at_parts(drawing: Drawing, pieces: Pieces) -> Drawing:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,6 +46,7 @@ class KeptStroke:
 
 
 Kept = Mapping[bytes, tuple[KeptStroke, ...]]  # by the digest of the stroke
+Change = Callable[[dict[int, DrawnStroke]], Mapping[int, DrawnStroke]]
 
 
 def shaping_options(options: SvgOptions) -> tuple:
@@ -86,15 +87,37 @@ def keep_strokes(
 
 def kept_strokes(drawing: Drawing, options: SvgOptions, kept: Kept) -> dict[int, DrawnStroke]:
     """Strokes that nobody changed since they were read, and that the same options would draw."""
-    found: dict[int, DrawnStroke] = {}
-    if not kept:
-        return found
     by = shaping_options(options)
-    for i in range(len(drawing.strokes)):
+    found = _found(drawing, kept).items()
+    return {i: stroke.drawn for i, stroke in found if stroke.options == by}
+
+
+def carried(kept: Kept, before: Drawing, after: Drawing, change: Change) -> Kept:
+    """Keep besides strokes that an edit changes in a way that can be done to them as drawn.
+
+    Parameters
+    ----------
+    before, after : the drawing and what the edit made of it, with the same strokes in one order
+    change : told the strokes that are kept by their index, gives as they are to be drawn now those
+        that it can
+    """
+    found = _found(before, kept)
+    made = dict(kept)
+    for i, drawn in change({i: stroke.drawn for i, stroke in found.items()}).items():
+        key = stroke_digest(after, i)
+        new = KeptStroke(drawn, found[i].options, _strip(after, i))
+        made[key] = (new, *made.get(key, ()))
+    return made
+
+
+def _found(drawing: Drawing, kept: Kept) -> dict[int, KeptStroke]:
+    """The strokes of a drawing that are kept, by index."""
+    found: dict[int, KeptStroke] = {}
+    for i in range(len(drawing.strokes) if kept else 0):
         strip = _strip(drawing, i)
         for stroke in kept.get(stroke_digest(drawing, i), ()):
-            if stroke.options == by and _is_same_strip(strip, stroke.strip):
-                found[i] = stroke.drawn
+            if _is_same_strip(strip, stroke.strip):
+                found[i] = stroke
                 break
     return found
 
