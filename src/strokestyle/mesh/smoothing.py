@@ -18,7 +18,7 @@ Blur = Callable[[np.ndarray], np.ndarray]
 # Vertices and steps, from which on it pays to put neighbours near each other in memory: what the
 # file strews then no longer fits the processor's cache; and to import products of matrices for it.
 MIN_SORTED, MIN_STEPS = 100_000, 8
-NEGLIGIBLE = 1e-6  # share of a value that many steps of smoothing may leave out
+NEGLIGIBLE = 1e-5  # share of a value that many steps may leave out: no line moves by .01 px
 BLOCK = 1 << 14  # vertices whose neighbours are summed up in one go, so that the sums stay in cache
 HUB = 64  # neighbours, more than which are summed up on their own
 ROW = 32  # bytes that numpy gathers at the price of one number
