@@ -323,7 +323,9 @@ def test_hidden_lines(tmp_path):
 
 def test_outside_curves(tmp_path, sphere):
     head = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 128 128">'
-    (tmp_path / "c.svg").write_text(f'{head}<path clip-path="url(#c)" d="M10 10L90 90"/></svg>')
+    sheet = "<style>g:has(a),g{fill:red}</style>"
+    drawn = f'{head}{sheet}<path clip-path="url(#c)" d="M10 10L90 90"/></svg>'
+    (tmp_path / "c.svg").write_text(drawn)
     result = run(
         "extract",
         sphere,
@@ -336,6 +338,7 @@ def test_outside_curves(tmp_path, sphere):
     )
     assert result.exit_code == 0, result.stderr
     assert "not looked at" in result.stderr and "clip-path 1" in result.stderr
+    assert "rules of style sheets (g:has(a)) 1\n" in result.stderr
     assert len(json.loads((tmp_path / "a.json").read_text())["curves"]) == 1
 
 

@@ -221,6 +221,17 @@ def test_a_pipe_of_edits(drawn):
     assert "5 strokes -> -" in second.stderr
 
 
+@pytest.mark.parametrize("edit", [("--thickness", "1.2"), ("--wiggle", "1,9")])
+def test_rules_that_are_not_understood_are_told(drawn, tmp_path, edit):
+    save_svg(drawn, small("grain"), texture="vector")
+    sheet = "<style>g:has(a){fill:red} path:lang(en){fill:blue}</style>"
+    drawn.write_text(drawn.read_text().replace("<g ", sheet + "<g ", 1))
+    result = run(drawn, "-o", tmp_path / "o.svg", *edit)
+    assert result.exit_code == 0
+    told = "rules of style sheets that are not understood, so that strokes may look otherwise: "
+    assert f"{told}g:has(a), path:lang(en)\n" in result.stderr
+
+
 def test_a_preview_and_what_is_left_out(drawn, tmp_path):
     text = drawn.read_text().replace("</svg>", "<text>mine</text></svg>")
     drawn.write_text(text.replace('class="stroke"', 'class="stroke" clip-path="url(#c)"', 2))

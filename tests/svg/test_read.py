@@ -397,8 +397,7 @@ def test_style_sheets_are_obeyed(encoding, rules, attributes):
     same_as(got.drawing, want.drawing)
     assert got.drawing.color == pytest.approx(want.drawing.color)
     assert (got.hidden, got.foreign_shapes) == (want.hidden, 0)
-    # what a sheet changes is drawn anew
-    assert len(got.kept) == 3
+    assert len(got.kept) == len(want.kept)
     assert (
         got.hidden
         or np.abs(
@@ -412,7 +411,7 @@ def test_a_sheet_of_other_things_changes_nothing():
     text = write_svg(small("grain"))
     sheet = "<style>.stroke{cursor:pointer}.tone:hover{fill:red}</style>"
     sheet += "<style media='print'>*{fill:red}</style>"
-    file = read_svg_file(text.replace("<title", sheet + "<title"))
+    file = read_svg_file(text.replace("<g ", sheet + "<g ", 1))
     assert write_svg(file.drawing, file.options, kept=file.kept, ids=file.ids) == text
 
 

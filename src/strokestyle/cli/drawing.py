@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
+from .messages import say
+
 if TYPE_CHECKING:
     from ..svg.read import SvgFile
 
@@ -17,6 +19,7 @@ def read_drawing(file: str, data: bytes | None = None) -> SvgFile:
     Raises ValueError, too, where no stroke in it is shown.
     """
     from ..svg.read import NoStrokesError, read_svg_file
+    from ..svg.style_sheet import name_rules
 
     try:
         if file == "-" and data is None:
@@ -24,6 +27,11 @@ def read_drawing(file: str, data: bytes | None = None) -> SvgFile:
         found = read_svg_file(file if data is None else data)
     except NoStrokesError as error:
         raise ValueError(f"{error}: see render --curves") from None
+    if found.unread_rules:
+        say(
+            f"{file}: rules of style sheets that are not understood, so that strokes may look "
+            f"otherwise: {name_rules(found.unread_rules)}"
+        )
     if not len(found.drawing.strokes):
         hidden = f"all its strokes, {found.hidden}, are hidden: show them first"
         raise ValueError(f"{file}: {hidden if found.hidden else 'an empty drawing: no strokes'}")

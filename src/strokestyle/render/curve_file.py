@@ -10,6 +10,7 @@ from ..extract.view_file import read_curves_json
 from ..files import limited
 from ..geometry.curves import Curves
 from ..svg.read_curves import read_curves_svg
+from ..svg.style_sheet import name_rules, styles_of
 
 _UNREAD = re.compile(
     rb"""\b(clip-path|mask|transform-box)\s*[:=]\s*["']?\s*(?!none|view-box)[\w#(-]"""
@@ -17,17 +18,22 @@ _UNREAD = re.compile(
 
 
 def unread_properties(path: str | Path) -> dict[str, int]:
-    """Count what an .svg or .svgz file says of clips, masks and transform boxes, by their names.
+    """Count what an .svg or .svgz file says that `load_curves` does not look at, by its name.
 
-    `load_curves` does not look at these. A .json file has none. Raises ValueError where the file is
-    too large, OSError where it cannot be read.
+    Clips, masks and transform boxes, and rules of style sheets that it does not understand. A .json
+    file has none. Raises ValueError where the file is no SVG or too large, OSError where it cannot
+    be read.
     """
     if Path(path).suffix.lower() == ".json":
         return {}
     with open(path, "rb") as file:
         data = limited(file.read(limits.MAX_BYTES + 1))
     names = [name.decode() for name in _UNREAD.findall(data)]
-    return {name: names.count(name) for name in sorted(set(names))}
+    counts = {name: names.count(name) for name in sorted(set(names))}
+    styles = styles_of(data)
+    if styles is not None and styles.unread:
+        counts[f"rules of style sheets ({name_rules(styles.unread)})"] = len(styles.unread)
+    return counts
 
 
 def load_curves(path: str | Path, size: tuple[int, int], tolerance: float = 0.1) -> Curves:

@@ -13,15 +13,13 @@ from ..geometry.affine import IDENTITY, Affine
 from .format import Data
 from .path_data import length
 from .viewport import SIDES, inner_matrix, nested_box
-from .xml import SVG_NAMESPACE, SaxReader, placed
+from .xml import ATTRIBUTE, NAME, START_TAG, SVG_NAMESPACE, SaxReader, placed
 
 XLINK_HREF = "http://www.w3.org/1999/xlink}href"
 MAX_CLONES = 60  # one of the other
 UNSEEN = ("defs", "symbol", "clipPath", "mask", "pattern", "marker")
 NOT_DRAWN = ("svg", *(tag for tag in UNSEEN if tag != "symbol"), "")
 _USE = re.compile(rb"<(?:[\w.-]+:)?use\b")
-_TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")  # a value may hold ">"
-_ATTRIBUTE = re.compile(rb"""\s+([^\s=>/]+)\s*=\s*("[^"]*"|'[^']*')""")
 # of a `use`: what it draws and where is not what it hands on
 _PLACE = re.compile(rb"x|y|width|height|(?:[\w.-]+:)?href")
 View = tuple[float, float]  # (width, height) that percentages are of
@@ -72,7 +70,7 @@ class _Finder:
             self._unseen.pop()
         if tag != "use" and "id" not in attributes:
             return
-        tag_end = _TAG.match(self.data, begin)
+        tag_end = START_TAG.match(self.data, begin)
         inside = tag_end.end() if tag_end else begin
         empty = self.data.endswith(b"/>", begin, inside)
         body_end = inside if empty else self._xml.place
@@ -92,7 +90,7 @@ def write_out_clones(data: bytes) -> bytes:
     stroke is left as it is. Raises ValueError where one draws itself, where the document is damaged
     or unsafe, or would become too large.
     """
-    if b"\0" in data or not _USE.search(data) or Data.PATH.encode() not in data:
+    if not _USE.search(data) or Data.PATH.encode() not in data:
         return data
     found = _Finder(data)
     writer = _Writer(data, found)
@@ -167,9 +165,9 @@ class _Writer:
             tag = self.data[target.begin : target.inside]
             drawn = _group(b"g", _others(tag), _group(b"g", _matrix(matrix), drawn))
         tag = self.data[use.begin : use.inside]
-        name = re.split(rb"[\s/>]", tag[1:], maxsplit=1)[0]
+        name = NAME.match(tag)
         moved = _group(b"g", _matrix((1.0, 0.0, 0.0, 1.0, x, y)), drawn)
-        return _group(name, _others(tag), moved)
+        return _group(name[0][1:] if name else b"g", _others(tag), moved)
 
     def _again(self, begin: int, end: int, view: View) -> bytes | None:
         """Write a part of the file that is drawn again; None where no stroke of ours is in it."""
@@ -195,7 +193,7 @@ def _others(tag: bytes) -> bytes:
     """Give the attributes of a start tag, a space before each, but those that place it."""
     return b"".join(
         b" %s=%s" % (name, value)
-        for name, value in _ATTRIBUTE.findall(tag)
+        for name, value in ATTRIBUTE.findall(tag)
         if not _PLACE.fullmatch(name)
     )
 

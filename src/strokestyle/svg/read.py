@@ -28,6 +28,7 @@ from .path_data import NUMBER, page_length, parse_numbers
 from .read_elements import MAX_STROKES, ElementReader
 from .read_stroke import MAX_PLACE, ReadStroke, read_strokes
 from .read_texture import Budget
+from .style_sheet import write_out_rules
 
 MAX_TEXELS = LIMITS["texels"].value
 MAX_PARTS = LIMITS["parts_characters"].value
@@ -54,6 +55,7 @@ class SvgFile:
         stroke's data, is not there
     effects : number of gradients, clip paths, masks and filters on strokes, which a Drawing does
         not have
+    unread_rules : selectors and other rules of its style sheets that are not understood
     """
 
     drawing: Drawing
@@ -64,6 +66,7 @@ class SvgFile:
     foreign_shapes: int = 0
     lost_tones: int = 0
     effects: int = 0
+    unread_rules: tuple[str, ...] = ()
 
 
 def read_svg(source: str | bytes | Path) -> Drawing:
@@ -103,9 +106,10 @@ def read_svg_file(source: str | bytes | Path) -> SvgFile:
 
 
 def _read(data: bytes) -> SvgFile:
-    data = write_out_clones(limited(data))
+    data, unread = write_out_rules(limited(data))
+    data = write_out_clones(data)
     found = ElementReader()
-    found.read(data)
+    found.read(data, ruled=True)
     if not (found.strokes or found.hidden):
         _check_emptiness(found)
     size, origin = _canvas(found.root)
@@ -115,7 +119,7 @@ def _read(data: bytes) -> SvgFile:
     kept = keep_strokes(drawing, (stroke.drawn for stroke in strokes), options)
     return SvgFile(
         drawing, tuple(ids), options, kept,
-        found.hidden, found.foreign_shapes, found.lost_tones, found.effects,
+        found.hidden, found.foreign_shapes, found.lost_tones, found.effects, unread,
     )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ from .path_data import (
     parse_share,
     shape_path,
 )
-from .style_sheet import MAX_CHARACTERS, Named, StyleSheet, declarations, is_for_screens
+from .style_sheet import NOTHING, declarations, styles_of
 from .viewport import inner_matrix, nested_box, view_box
 from .xml import SVG_NAMESPACE, SaxReader, placed
 
@@ -84,6 +84,7 @@ class _Node(NamedTuple):
     attributes: dict[str, str]
     children: list[_Node]
     line: int
+    number: int  # of the elements of the document, in order
 
     @property
     def name(self) -> str:
@@ -92,13 +93,12 @@ class _Node(NamedTuple):
 
 
 class _TreeReader:
-    """Builds the tree of a document, and finds what `use` and style sheets refer to."""
+    """Builds the tree of a document, and finds what `use` refers to."""
 
     def __init__(self) -> None:
         self.by_id: dict[str, _Node] = {}
-        self.style = ""
         self._open: list[_Node] = []
-        self._xml = SaxReader(self._start, self._end, self._text)
+        self._xml = SaxReader(self._start, self._end)
 
     def read(self, data: bytes) -> _Node:
         """Read a document; its first element. Raises ValueError."""
@@ -106,7 +106,7 @@ class _TreeReader:
         return self._root
 
     def _start(self, namespace: str, tag: str, attributes: dict[str, str]) -> None:
-        node = _Node(namespace, tag, attributes, [], self._xml.line)
+        node = _Node(namespace, tag, attributes, [], self._xml.line, self._xml.elements - 1)
         if self._open:
             self._open[-1].children.append(node)
         else:
@@ -116,14 +116,6 @@ class _TreeReader:
 
     def _end(self) -> None:
         self._open.pop()
-
-    def _text(self, text: str) -> None:
-        if (
-            self._open
-            and self._open[-1].name == "style"
-            and is_for_screens(self._open[-1].attributes)
-        ):
-            self.style += text if len(self.style) < MAX_CHARACTERS else ""
 
 
 @dataclass(frozen=True)
@@ -136,7 +128,7 @@ class _State:
     `fill`, `stroke` : colours, "none" where that is what they are
     `fill_opacity`, `stroke_opacity` : shares in [0, 1]
     `stroke_width` : as written
-    `elements` : those around, as selectors see them
+    `depth` : how many elements are around
     `used` : ids of what `use` elements around it draw
     """
 
@@ -149,7 +141,7 @@ class _State:
     fill_opacity: float = 1.0
     stroke_opacity: float = 1.0
     stroke_width: str = "1"
-    elements: tuple[Named, ...] = ()
+    depth: int = 0
     used: tuple[str, ...] = ()
 
     @property
@@ -185,7 +177,8 @@ class _ShapeReader:
         """Read a document. Raises ValueError."""
         tree = _TreeReader()
         root = tree.read(data)
-        self.by_id, self.sheet = tree.by_id, StyleSheet(tree.style)
+        self.by_id, styles = tree.by_id, styles_of(data)
+        self.rules = styles.of if styles is not None else {}
         self.draw(root, _State())
 
     def draw(self, node: _Node, above: _State, size: Mapping[str, str] | None = None) -> None:
@@ -194,8 +187,7 @@ class _ShapeReader:
         `size` : width and height of the `use` that draws it
         """
         self.elements += 1
-        depth = len(above.elements)
-        if self.elements > limits.MAX_ELEMENTS or depth >= limits.MAX_DEPTH:
+        if self.elements > limits.MAX_ELEMENTS or above.depth >= limits.MAX_DEPTH:
             raise ValueError(
                 f"more than {limits.MAX_ELEMENTS} elements, or {limits.MAX_DEPTH} inside one "
                 "another, with what `use` draws: simplify it first"
@@ -239,12 +231,15 @@ class _ShapeReader:
             return None
         if Data.HIDDEN in attributes:  # a layer of ours, of what is behind the shape
             return None
-        elements = (*above.elements, Named.of(tag, attributes))
         given = {name: attributes[name].strip().lower() for name in LOOKS if name in attributes}
-        given |= self.sheet.properties(elements) | declarations(attributes.get("style", ""))
+        if "style" in attributes or node.number in self.rules:
+            own = declarations(attributes.get("style", ""))
+            given |= own.over(self.rules.get(node.number, NOTHING))
         if given.get("display") == "none" or parse_share(given.get("opacity", ""), 1.0) == 0.0:
             return None
-        if tag == "path" and TONE_CLASS in elements[-1].classes:  # of a stroke of ours
+        if (
+            tag == "path" and TONE_CLASS in attributes.get("class", "").split()
+        ):  # of a stroke of ours
             return None
         state = _State(
             _own_matrix(above, node, given),
@@ -256,7 +251,7 @@ class _ShapeReader:
             parse_share(given.get("fill-opacity", ""), above.fill_opacity),
             parse_share(given.get("stroke-opacity", ""), above.stroke_opacity),
             _paint(given.get("stroke-width", ""), above.stroke_width),
-            elements,
+            above.depth + 1,
             above.used,
         )
         if shape:
@@ -267,7 +262,7 @@ class _ShapeReader:
             return None
         if tag not in ("svg", "symbol"):
             return state
-        found = self.viewport({**attributes, **(size or {})}, state, not above.elements)
+        found = self.viewport({**attributes, **(size or {})}, state, not above.depth)
         return None if found is None else replace(state, matrix=found[0], view=found[1])
 
     def viewport(

@@ -10,16 +10,12 @@ from ..geometry.affine import IDENTITY, Affine, compose, is_flat
 from .format import FORMAT, LIMITS, PAPER_ID, RDF_NAMESPACES, STROKE_CLASS, TONE_CLASS, Data
 from .path_data import own_transform, page_length, parse_numbers, parse_share
 from .read_texture import Shape
-from .style_sheet import Named, StyleSheet, sheet_of
+from .style_sheet import Declared, ruled_style, styles_of
 from .xml import SVG_NAMESPACE, SaxReader, css_property
 
 MAX_STROKES = LIMITS["strokes"].value
 MAX_WORDS = 10_000  # characters of a title, or of another of the document's texts
 REFERENCES = ("fill", "clip-path", "mask", "filter")
-LOOKS = (  # properties of style sheets that are looked at
-    "display", "visibility", "opacity", "fill", "fill-opacity", "transform", "transform-origin",
-    *REFERENCES[1:],
-)  # fmt: skip
 _REFERENCE = re.compile(rf"(?:^|;)\s*(?:{'|'.join(REFERENCES)})\s*:\s*url\(")
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
 HREFS = {"href", "http://www.w3.org/1999/xlink}href"}  # a `use` without is a clone written out
@@ -99,7 +95,7 @@ class StrokeElement:
     state : of that element, its own attributes included; of a shape, that of what it is in
     line : of the file, where it begins
     begin, end : its bytes in the file; `end` is behind an empty element, else its end tag's begin
-    inherits_look : the elements around it move it, or make it paler, or style sheets change it
+    inherits_look : the elements around it move it, or make it paler
     of_shapes : its data stand on the first of its shapes
     loose : besides, these are in no group of their own, so that only they tell its ink
     shapes : what is drawn in it, or the element itself, from the lowest to the uppermost
@@ -150,6 +146,7 @@ class Metadata:
 class ElementReader:
     """Collects the strokes of a document as a SaxReader comes by its elements.
 
+
     Attributes
     ----------
     root : attributes of the first element
@@ -160,6 +157,7 @@ class ElementReader:
     foreign_shapes : number of shapes that are shown and are no strokes of ours
     lost_tones : how many of those are of strokes of ours whose data are not there
     effects : number of gradients, clip paths, masks and filters on strokes
+    unread_rules : selectors and other rules of style sheets that are not understood
     """
 
     def __init__(self) -> None:
@@ -169,14 +167,18 @@ class ElementReader:
         self.offset_points: dict[str, str] = {}
         self.hidden = self.foreign_shapes = self.lost_tones = self.effects = 0
         self._states: list[State] = []  # of the open elements
-        self._sheet: StyleSheet | None = None
-        self._named: list[Named] = []  # the open elements, as the sheet's selectors see them
-        self._styled = False  # the sheet has rules for the look of what is being read
+        self.unread_rules: tuple[str, ...] = ()
+        self._rules: Mapping[int, Declared] = {}
         self._xml = SaxReader(self._start, self._end, self.metadata.text)
 
-    def read(self, data: bytes) -> None:
-        """Read a document. Raises ValueError where it is damaged, unsafe, too large or too new."""
-        self._sheet = sheet_of(data)
+    def read(self, data: bytes, ruled: bool = False) -> None:
+        """Read a document. Raises ValueError where it is damaged, unsafe, too large or too new.
+
+        `ruled` : what its style sheets say is written where it holds, as `write_out_rules` does
+        """
+        styles = None if ruled else styles_of(data)
+        if styles is not None:
+            self._rules, self.unread_rules = styles.of, styles.unread
         self._xml.walk(data)
         shown = [stroke for stroke in self.strokes if stroke.shapes or not stroke.of_shapes]
         self.hidden += len(self.strokes) - len(shown)
@@ -184,8 +186,10 @@ class ElementReader:
 
     def _start(self, namespace: str, tag: str, attributes: dict[str, str]) -> None:
         self.metadata.start(namespace, tag, attributes)
-        if self._sheet is not None:
-            attributes = self._with_rules(self._sheet, tag, attributes)
+        rules = self._rules.get(self._xml.elements - 1)
+        if rules is not None:
+            style = ruled_style(attributes.get("style", ""), rules)
+            attributes = attributes | ({"style": style} if style else {})
         if not self._states:
             self.root = attributes
             _check_version(attributes)
@@ -198,22 +202,10 @@ class ElementReader:
 
     def _end(self) -> None:
         self.metadata.end()
-        if self._named:
-            self._named.pop()
         state = self._states.pop()
         stroke = state.group.stroke if state.group is not None else state.stroke
         if stroke is not None and (not self._states or self._states[-1].stroke is None):
             stroke.end = self._xml.place
-
-    def _with_rules(
-        self, sheet: StyleSheet, tag: str, attributes: dict[str, str]
-    ) -> dict[str, str]:
-        """An element's attributes, with what a sheet says of its look before its own style."""
-        self._named.append(Named.of(tag, attributes))
-        properties = sheet.properties(self._named)
-        rules = [f"{name}:{properties[name]};" for name in LOOKS if name in properties]
-        self._styled = bool(rules)
-        return attributes | {"style": "".join([*rules, attributes.get("style", "")])}
 
     def _enter(self, namespace: str, tag: str, attributes: dict[str, str]) -> State:
         """The state of an element inside the root; what it is gets collected."""
@@ -228,7 +220,6 @@ class ElementReader:
         if above.stroke is not None:  # what it looks like
             state.skipped, state.stroke = tag != "g", above.stroke
             _add_shape(above.stroke, tag, attributes, state)
-            above.stroke.inherits_look |= self._styled
             return state
         state.rendered &= not is_flat(state.matrix)
         if is_stroke and tag in ("path", "image") and Data.MARGIN in attributes:
@@ -255,7 +246,7 @@ class ElementReader:
     def _place(self, above: State) -> tuple[int, int, bool]:
         """Line and byte of what is being read, and whether what is around it changes its look."""
         still = above.matrix == IDENTITY and above.opacity == 1.0
-        return self._xml.line, self._xml.place, self._styled or not still
+        return self._xml.line, self._xml.place, not still
 
     def _enter_stroke(self, tag: str, attributes: dict[str, str], state: State) -> State:
         """A stroke whose data stand on its own element, which is its group or its outline."""
@@ -299,7 +290,6 @@ class ElementReader:
         state = _inherit(replace(above, matrix=IDENTITY, opacity=1.0), attributes)
         if stroke is not None:
             _add_shape(stroke, tag, attributes, state)
-            stroke.inherits_look |= self._styled
         elif state.shown:
             self.lose_tones(1)
         return State(skipped=True)

@@ -68,7 +68,7 @@ def thickened_svg(data: bytes, factors: Factors) -> tuple[str, int] | None:
     found.read(data)
     others = found.hidden + found.foreign_shapes + found.effects
     options = SvgOptions.from_text(found.root.get(Data.OPTIONS, ""))
-    if others or not found.strokes or options.texture != "vector":
+    if others or found.unread_rules or not found.strokes or options.texture != "vector":
         return None
     every = factors(*kinds_and_parts(found))
     if not FACTORS[0] <= every.min() <= every.max() <= FACTORS[1]:

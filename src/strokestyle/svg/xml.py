@@ -10,6 +10,10 @@ from .. import files as limits
 from ..files import quoted
 
 SVG_NAMESPACE = "http://www.w3.org/2000/svg"
+# as bytes of a file: a start tag, whose values may hold ">", the name in it, and its attributes
+START_TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
+NAME = re.compile(rb"<[^\s/>]+")
+ATTRIBUTE = re.compile(rb"""\s+([^\s=>/]+)\s*=\s*("[^"]*"|'[^']*')""")
 UNSAFE = (
     'its document type has declarations of its own ("<!DOCTYPE svg [...]>"); '
     "save it as plain SVG, or take them out"
@@ -112,6 +116,20 @@ def placed(line: int, tag: str, attributes: dict[str, str]) -> str:
     """Name an element for a message: by its line, its tag and its id."""
     which = f' id="{quoted(attributes["id"])}"' if "id" in attributes else ""
     return f"line {line}, <{tag}{which}>"
+
+
+def as_utf8(data: bytes) -> bytes:
+    """Give a document in UTF-16 in UTF-8, without its XML declaration; another is the same."""
+    if b"\0" not in data[:4]:
+        return data
+    encoding = {b"<\0": "utf-16-le", b"\0<": "utf-16-be"}.get(data[:2], "utf-16")
+    try:
+        text = data.decode(encoding, "surrogatepass").removeprefix("\ufeff")
+    except UnicodeDecodeError:
+        return data
+    if text.startswith("<?xml"):
+        text = text.partition("?>")[2]
+    return text.encode("utf-8", "surrogatepass")
 
 
 def css_property(name: str, style: str, attributes: Mapping[str, str]) -> str:
