@@ -324,7 +324,7 @@ def test_hidden_lines(tmp_path):
 def test_outside_curves(tmp_path, sphere):
     head = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 128 128">'
     sheet = "<style>g:has(a),g{fill:red}</style>"
-    drawn = f'{head}{sheet}<path clip-path="url(#c)" d="M10 10L90 90"/></svg>'
+    drawn = f'{head}{sheet}<path clip-path="circle(9px)" d="M10 10L90 90"/></svg>'
     (tmp_path / "c.svg").write_text(drawn)
     result = run(
         "extract",

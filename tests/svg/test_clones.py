@@ -61,7 +61,8 @@ def test_what_else_is_drawn_again_is_left_as_it_is(use):
     assert len(read_svg(text).strokes) == 5
 
 
-SYMBOL = '<symbol id="y" viewBox="0 10 60 50" {}><g transform="scale(.5)">{}</g></symbol>'
+SYMBOL = '<symbol id="y" overflow="visible" viewBox="0 10 60 50" {}>'
+SYMBOL += '<g transform="scale(.5)">{}</g></symbol>'
 SHOWN = "<g id='q'><use id='n' href='#s003' x='10%' y='3'/></g>"
 CLONES = {  # what is drawn again, and how many strokes of five that makes
     "of a clone": ('<use id="b" href="#s003" x="5"/><use href="#b" y="2in"/>', 7),
@@ -76,7 +77,8 @@ CLONES = {  # what is drawn again, and how many strokes of five that makes
     ),
     "of a symbol in a symbol": (
         SYMBOL.format('preserveAspectRatio="xMinYMax slice"', SHOWN)
-        + '<symbol id="z" viewBox="0 0 50 50"><use href="#y" width="25%" height="20"/></symbol>'
+        + '<symbol id="z" overflow="visible" viewBox="0 0 50 50">'
+        '<use href="#y" width="25%" height="20"/></symbol>'
         '<use href="#z" width="80" height="40" transform="scale(-1 1)"/>',
         6,
     ),

@@ -133,10 +133,12 @@ def test_lengths_in_units_of_a_font_are_of_one_of_16_px(tmp_path):
 def test_what_is_not_looked_at_is_counted(tmp_path):
     load(
         tmp_path,
-        '<clipPath id="c"/><mask id="m"/><path clip-path="url(#c)" d="M0 0h9"/>'
-        "<g style=\"clip-path : url(#c);mask:none;transform-box:fill-box\" mask='url(#m)'/>",
+        '<clipPath id="c"><rect/><text>a</text></clipPath><mask id="m"/>'
+        '<path clip-path="url(#c)" d="M0 0h9"/><clipPath/><text/>'
+        "<g style=\"clip-path : url(#c);mask:none;transform-box:fill-box\" mask='url(#m)'/>"
+        "<style>g{clip-path:circle(9px)} a{clip-path:url('#c')} b{clip-path:url(x.svg#c)}</style>",
     )
-    want = {"clip-path": 2, "mask": 1, "transform-box": 1}
+    want = {"clip-path": 2, "clipPath of letters": 1, "mask": 1, "transform-box": 1}
     assert unread_properties(tmp_path / "c.svg") == want
     (tmp_path / "c.svgz").write_bytes(gzip.compress((tmp_path / "c.svg").read_bytes()))
     assert unread_properties(tmp_path / "c.svgz") == want

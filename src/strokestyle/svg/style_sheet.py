@@ -23,7 +23,7 @@ INK = (  # properties of strokes of ours that are looked at
     "display", "visibility", "opacity", "fill", "fill-opacity", "transform", "transform-origin",
     "clip-path", "mask", "filter",
 )  # fmt: skip
-LINES = ("stroke", "stroke-opacity", "stroke-width", "clip-rule")  # of others, besides
+LINES = ("stroke", "stroke-opacity", "stroke-width", "clip-rule", "overflow")  # of others, besides
 # at-rules that say nothing of shapes at rest, seen on a screen as it is
 _IDLE = re.compile(
     r"@(?:charset|namespace|page|property|counter-style|font-[\w-]+|(?:-[a-z]+-)?keyframes"
