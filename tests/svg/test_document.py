@@ -205,6 +205,15 @@ def test_a_plotter_gets_lines_in_mm(tmp_path):
         read_svg(text)
 
 
+def test_a_plotter_s_straight_lines_are_lines_and_dots_are_kept():
+    lines = Curves.from_list([np.array([[9.0, 9], [90, 60]]), np.full((2, 2), 50.0)], np.zeros(2))
+    strokes = Strokes(lines.xy, np.ones(4), lines.offsets, lines.kind, lines.closed)
+    text = write_svg(Drawing(strokes, (100, 100), np.ones((2, 4))), plotter=True)
+    d = sorted(e.get("d") for e in ET.fromstring(text).iter(f"{SVG}path"))
+    # vpype cuts cubics into moves, and leaves out lines, not cubics, without a length
+    assert [re.sub("[-0-9. ]+", "", path) for path in d] == ["Mc", "Ml"]
+
+
 @pytest.mark.parametrize("layers", ["kind", "part", "none"])
 def test_a_plotter_draws_a_layer_with_little_travel(tmp_path, layers):
     rng = np.random.default_rng(2)

@@ -16,6 +16,8 @@ from .markup import Element, hex_color, number, numbers, units
 
 PEN = 0.3  # mm, how thick a plotter's lines are shown
 LINE_SLACK = 0.1  # px between a centre line and its curves
+ROUNDING, SEEN = 1.0, 10.0  # units of rounding that a handle of a straight cubic may be off it
+BEND = 0.004  # of its length, likewise
 
 
 def plotter_svg(drawing: Drawing, options: SvgOptions) -> str:
@@ -99,8 +101,35 @@ def _told(drawing: Drawing, i: int, layer: str) -> dict[str, str]:
 
 
 def line_path(cubics: np.ndarray, decimals: int, closed: bool) -> str:
-    """Cubics (K, 4, 2) end to end as path data with relative coordinates."""
+    """Cubics (K, 4, 2) end to end as path data with relative coordinates; straight ones as lines.
+
+    Programs cut a cubic into many moves however straight it is, and Inkscape's PowerStroke fits
+    cubics to its sides, which may lead far off where a skeleton is bent by rounding alone.
+    """
     points = units(cubics, decimals)
     head = numbers(points[0, 0], decimals)
-    steps = numbers(points[:, 1:] - points[:, :1], decimals)
-    return f"M{head[0]} {head[1]}c{' '.join(steps)}{'z' if closed else ''}".replace(" -", "-")
+    made: list[str] = []
+    last, steps = "", points[:, 1:] - points[:, :1]
+    for step, straight in zip(steps, _straight(steps).tolist(), strict=True):
+        letter = "l" if straight else "c"
+        text = " ".join(numbers(step[2] if straight else step, decimals))
+        made.append(f" {text}" if letter == last else letter + text)
+        last = letter
+    d = f"M{head[0]} {head[1]}{''.join(made)}{'z' if closed else ''}"
+    return d.replace(" -", "-")
+
+
+def _straight(steps: np.ndarray) -> np.ndarray:
+    """Which cubics (K,) are lines but for rounding, or a bend that is not seen.
+
+    A dot is none: vpype leaves out lines without a length, and draws such a cubic.
+
+    `steps` (K, 3, 2) : from where they begin to their handles and their end, in units of rounding
+    """
+    chord = steps[:, 2].astype(np.float64)
+    size = np.hypot(chord[:, 0], chord[:, 1])
+    along = chord / np.maximum(size, 1e-9)[:, None]
+    ahead = (steps[:, :2] * along[:, None]).sum(axis=2)
+    off = np.abs(steps[:, :2, 0] * along[:, None, 1] - steps[:, :2, 1] * along[:, None, 0])
+    onward = (0 <= ahead[:, 0]) & (ahead[:, 0] <= ahead[:, 1]) & (ahead[:, 1] <= size)
+    return (size > 0) & onward & (off.max(axis=1) <= np.clip(BEND * size, ROUNDING, SEEN))

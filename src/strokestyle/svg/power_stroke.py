@@ -59,8 +59,8 @@ def power_strokes(strokes: Strokes, options: SvgOptions, index: Iterable[int]) -
     decimals = max(options.decimals, 2)  # a dot, and a turn, are but a few hundredths
     made = []
     for spine, (cubics, rows) in zip(spines, fit_lines(xy, offsets, LINE_SLACK), strict=True):
-        line = fine_line(units(cubics, decimals) / 10**decimals)
         d = line_path(cubics, decimals, spine.closed)
+        line = fine_line(parse_path(d)[0][: len(cubics)])  # without what closes it
         made.append(PowerStroke(d, line, _offset_points(spine, line, rows)))
     return made
 
