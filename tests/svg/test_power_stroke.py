@@ -70,6 +70,7 @@ def zoo():
         "hair": (line((120, 220), (140, 220), (140, 250)), 0.6, False),
         "zigzag": (line(*[(170 + 6 * k, 230 + 9 * (-1) ** k) for k in range(16)]), 5, False),
         "loop": (np.concatenate([circle(300, 240, 12, -3, 3), [(330, 225), (350, 225)]]), 7, False),
+        "ring without a hole": (circle(375, 290, 2, count=12), 20, True),
         "bumpy": (bumpy, 4 + np.clip(rng.normal(0, 0.7, len(bumpy)), -2, 2), False),
     }  # fmt: skip
 
@@ -100,6 +101,15 @@ def only(xy, width, closed=False):
     pairs = np.array([pair.split(",") for pair in made[0].offset_points.split(" | ")], float)
     cubics = np.array(parse_path(made[0].d)[0]).reshape(-1, 4, 2)
     return cubics[np.ptp(cubics, axis=1).max(axis=1) > 1e-6], pairs  # without what z adds
+
+
+def test_straight_pieces_are_lines():
+    nearly = line((20, 20), (200, 80))
+    nearly += np.random.default_rng(1).normal(0, 0.01, nearly.shape)
+    made = power_strokes(drawn([(nearly, 4, False)]).strokes, SvgOptions(), [0])[0]
+    assert set(re.findall("[a-zA-Z]", made.d)) == {"M", "l"}
+    bent = power_strokes(drawn([(circle(60, 60, 30), 4, True)]).strokes, SvgOptions(), [0])[0]
+    assert set(re.findall("[a-z]", bent.d)) == {"c", "z"}
 
 
 def test_every_node_has_a_width():

@@ -423,17 +423,20 @@ def _page_pixels(text: str, scale: float) -> tuple[int, int] | None:
 
 def _outlined(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Iterator[DrawnStroke]:
     """Strokes as their outlines."""
-    skeletons = (
-        power_strokes(drawing.strokes, options, index.tolist())
-        if options.inkscape_lpe
-        else [None] * len(index)
+    made = dict(
+        zip(index.tolist(), outlines(drawing.strokes, options.tolerance, index), strict=True)
     )
-    made = outlines(drawing.strokes, options.tolerance, index)
-    for i, rings, skeleton in zip(index.tolist(), made, skeletons, strict=True):
+    # a ring that is filled to its middle stays a path: Inkscape would turn its inside out, a hole
+    spined = [
+        i for i, rings in made.items() if not drawing.strokes.closed[i] or len(rings) > 1
+    ] * options.inkscape_lpe
+    skeletons = dict(zip(spined, power_strokes(drawing.strokes, options, spined), strict=True))
+    for i, rings in made.items():
         given = {Data.AT: edge_at(fine_line(rings[0]))} if rings else {}
         if len(rings) != usual_rings(bool(drawing.strokes.closed[i])):
             given[Data.RINGS] = str(len(rings))
         given |= {"fill-rule": "nonzero", "d": rings_path(rings, options.decimals)}
+        skeleton = skeletons.get(i)
         if skeleton is None:
             yield DrawnStroke(Element("path", given))
             continue
