@@ -171,6 +171,18 @@ def hostile(rng: np.random.Generator, text: str, without=()) -> tuple[str, bytes
         "wide stroke of tones": lambda: inside(
             drawn('<path d="M0 0h9v9z"/>').replace('"20"', '"90000"')
         ),
+        "clones of clones": lambda: inside(
+            "<defs><g id='k0'><use xlink:href='#s000'/></g>"
+            + "".join(
+                f"<g id='k{k + 1}'><use href='#k{k}'/><use href='#k{k}'/></g>" for k in range(40)
+            )
+            + "</defs><use href='#k40'/>"
+        ),
+        "clone of itself": lambda: inside("<g id='k'><use href='#s000'/><use href='#k'/></g>"),
+        "selectors of many parts": lambda: inside(
+            f"<style>{('g ' * 20 + '.x{fill:red}') * 100}</style>{'<g>' * 200}{'</g>' * 200}"
+        ),
+        "stray braces": lambda: inside(f"<style>{'{@/*[' * 200_000}</style>"),
         "svgz bomb": lambda: gzip.compress(text.encode() + b" " * 200_000_000, 1),
         "svgz cut": lambda: gzip.compress(text.encode())[:-9],
         "utf-16": lambda: text.replace("utf-8", "utf-16").encode("utf-16"),

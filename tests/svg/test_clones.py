@@ -152,6 +152,15 @@ def test_quotes_and_brackets_in_values_stay_values():
         read_svg(with_use(use.replace("translate(1 2)", "&quot;&gt;")))
 
 
+def test_errors_name_the_lines_of_the_file():
+    use = '<use\n xlink:href="#s003"\n id="u"/><use href="#u"/>\n<g class="stroke" id="bad">'
+    use += '<path data-ss-path="M0 0" d="M0 0h9" data-ss-margin="1"/></g>'
+    text = with_use(use)
+    line = text[: text.index('<path data-ss-path="M0 0"')].count("\n") + 1
+    with pytest.raises(ValueError, match=f'line {line}, stroke id="bad"'):
+        read_svg(text)
+
+
 def test_a_file_that_clones_make_too_large_is_refused(monkeypatch):
     text = with_use('<use xlink:href="#layer-contour"/>' * 9).encode()
     monkeypatch.setattr(files, "MAX_BYTES", 3 * len(text))

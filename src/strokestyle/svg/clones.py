@@ -121,7 +121,9 @@ class _Writer:
                 continue
             copy = self._copy(use, view)
             if copy is not None:
-                made += [self.data[at : use.begin], copy]
+                # what is behind stays on its line, for messages
+                lines = self.data.count(b"\n", use.begin, use.end)
+                made += [self.data[at : use.begin], copy, b"\n" * lines]
                 at = use.end
         made.append(self.data[at:end])
         self._left -= sum(map(len, made))
@@ -173,7 +175,7 @@ class _Writer:
         """Write a part of the file that is drawn again; None where no stroke of ours is in it."""
         key = (begin, view)
         if key not in self._ready:
-            text = self.text(begin, end, view)
+            text = self.text(begin, end, view).replace(b"\n", b" ")
             self._ready[key] = text if Data.PATH.encode() in text else None
         return self._ready[key]
 
