@@ -153,6 +153,14 @@ def test_the_command(tmp_path):
     assert run("view", tmp_path / "a.svg", "-o", "-").stdout.startswith("<!doctype html>")
 
 
+def test_what_the_page_does_not_show_is_told(tmp_path):
+    save_svg(tmp_path / "a.svg", drawing())
+    text = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    (tmp_path / "b.svg").write_text(text.replace("</svg>", '<text y="9">Fig. 1</text></svg>'))
+    done = run("view", tmp_path / "a.svg", tmp_path / "b.svg", "-o", tmp_path / "page.html")
+    assert done.stderr.strip().endswith("page.html; left out of b.svg: shapes 1")
+
+
 def test_files_of_one_name_keep_their_folders(tmp_path):
     for folder in ("x", "y"):
         (tmp_path / folder).mkdir()

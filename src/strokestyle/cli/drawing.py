@@ -36,3 +36,14 @@ def read_drawing(file: str, data: bytes | None = None) -> SvgFile:
         hidden = f"all its strokes, {found.hidden}, are hidden: show them first"
         raise ValueError(f"{file}: {hidden if found.hidden else 'an empty drawing: no strokes'}")
     return found
+
+
+def left_out(found: SvgFile) -> str:
+    """What of a file is not edited, nor shown on a page, for the user: "shapes 2", or nothing."""
+    counts = {
+        "hidden strokes": found.hidden,
+        "shapes": found.foreign_shapes - found.lost_tones,
+        "tones without their stroke's first": found.lost_tones,
+        "clips, gradients, filters": found.effects,
+    }
+    return ", ".join(f"{what} {n}" for what, n in counts.items() if n)

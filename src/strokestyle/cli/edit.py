@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from .animation import NOTHING
-from .drawing import read_drawing
+from .drawing import left_out, read_drawing
 from .messages import say, timed
 from .options import (
     TEXTURES,
@@ -35,7 +35,6 @@ from .outputs import (
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from ..svg.read import SvgFile
     from .edit_text import Edit, NamedDrawing, Thickness
 
 
@@ -198,7 +197,8 @@ def edit(
     else:
         text, count, lost = thickened(drawing, changes)
     write_drawing(outputs, text, PngLook(scale, None if clear else "#ffffff"))
-    say(f"{drawing}: {count} strokes -> {', '.join(outputs)}{lost}")
+    told = f"; left out: {lost}" if lost else ""
+    say(f"{drawing}: {count} strokes -> {', '.join(outputs)}{told}")
 
 
 def thickened(drawing: str, changes: Sequence[Thickness]) -> tuple[str, int, str]:
@@ -288,15 +288,3 @@ def make_edits(edits: Iterable[GivenEdit], drawing: NamedDrawing, seed: int) -> 
         with timed(change.name):
             drawing = change.apply(drawing, seed)
     return drawing
-
-
-def left_out(found: SvgFile) -> str:
-    """What of a file an edit does not keep, for the user: "; left out: shapes 2", or nothing."""
-    counts = {
-        "hidden strokes": found.hidden,
-        "shapes": found.foreign_shapes - found.lost_tones,
-        "tones without their stroke's first": found.lost_tones,
-        "clips, gradients, filters": found.effects,
-    }
-    lost = ", ".join(f"{what} {n}" for what, n in counts.items() if n)
-    return f"; left out: {lost}" if lost else ""

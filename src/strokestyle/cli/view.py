@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from .drawing import read_drawing
+from .drawing import left_out, read_drawing
 from .messages import say, timed
 from .options import common_options, page_options
 from .outputs import STANDARD_OUTPUT, check_outputs
+
+if TYPE_CHECKING:
+    from ..svg.read import SvgFile
 
 
 @click.command(
@@ -35,28 +39,30 @@ def view(files: tuple[str, ...], output: str, show: bool) -> None:
         raise click.UsageError("--open needs a file to open: give -o page.html")
     from ..viewer.page import page_html
 
-    names = short_names(files)
-    page = page_html(
-        [(name, page_svg(name, file)) for name, file in zip(names, files, strict=True)]
-    )
+    names, sheets, lost = short_names(files), [], ""
+    for name, file in zip(names, files, strict=True):
+        found = read_drawing(file)
+        sheets.append((name, page_svg(name, found)))
+        if parts := left_out(found):
+            lost += f"; left out of {name}: {parts}"
+    page = page_html(sheets)
     if output == STANDARD_OUTPUT:
         click.echo(page, nl=False)
     else:
         from ..files import write_bytes
 
         write_bytes(output, page.encode("utf-8"))
-    say(f"{', '.join(files)} -> {output}")
+    say(f"{', '.join(files)} -> {output}{lost}")
     if show:
         import webbrowser
 
         webbrowser.open(Path(output).resolve().as_uri())
 
 
-def page_svg(name: str, file: str) -> str:
+def page_svg(name: str, found: SvgFile) -> str:
     """A drawing as the page wants it: written anew, with every stroke's strip of texture."""
     from ..svg.write import write_svg
 
-    found = read_drawing(file)
     with timed(f"write {name} anew"):
         # without Inkscape's live effect: the page could not keep it in step with the outline
         return write_svg(
