@@ -5,6 +5,7 @@ from svg_programs import small
 
 from strokestyle.svg import style_sheet
 from strokestyle.svg.read import read_svg_file
+from strokestyle.svg.read_curves import read_curves_svg
 from strokestyle.svg.style_sheet import declarations, styles_of, write_out_rules
 from strokestyle.svg.write import write_svg
 
@@ -164,6 +165,21 @@ def test_a_file_in_utf_16_is_read_with_its_rules_and_clones():
     assert len(got.ids) == 6 and got.ids == want.ids
     assert (got.drawing.color == want.drawing.color).all()
     assert got.drawing.color[5, 3] < 0.6 < got.drawing.color[4, 3]
+
+
+def test_a_clone_has_the_rules_of_what_it_draws_where_that_stands():
+    sheet = "#layer-contour > .stroke{transform:translate(0,5px)} .b .stroke{opacity:0}"
+    sheet = f"<style>{sheet}</style>"
+    text = write_svg(small(None)).replace("<g ", sheet + "<g ", 1)
+    text = text.replace("</svg>", '<g class="b"><use href="#s003" x="9"/></g></svg>')
+    file, curves = read_svg_file(text), read_curves_svg(text.encode(), (120, 100), 0.1)
+    strokes = file.drawing.strokes
+    i = file.ids.index("s003")
+    at = [strokes.xy[strokes.rows(k)] for k in (i, 5)]
+    assert at[1] == pytest.approx(at[0] + [9, 0], abs=0.02)
+    plain = read_svg_file(text.replace("5px", "0px")).drawing.strokes
+    assert at[0] == pytest.approx(plain.xy[plain.rows(i)] + [0, 5], abs=0.02)
+    assert file.drawing.color[5, 3] == file.drawing.color[i, 3] > 0 and len(curves) == 6
 
 
 @pytest.mark.parametrize(
