@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strokestyle.svg.tone_path import tone_path
+from strokestyle.svg.tone_path import moved_tone, tone_path
 from strokestyle.svg.tones import Tones, tone_shapes
 
 LEAF = [(5, 10), (5, 12), (5, 16), (9, 21), (14, 15), (11, 8)]  # its left side goes straight down
@@ -64,3 +64,17 @@ def test_a_ring_of_no_area_is_left_out():
 )
 def test_what_is_no_such_spline_is_not_told_as_one(d):
     assert tone_path(d) is None
+
+
+def test_a_tone_is_moved_by_steps_of_its_grid():
+    there = moved_tone(TONE, (0.15, 0, 0, 0.15, 3.0, -1.5))  # .15 px a unit: 10 and -5 steps of .3
+    assert there.d == ours(np.add(LEAF, (10, -5)), np.add(DOT, (10, -5)))
+    turned = moved_tone(TONE, (0, 0.15, -0.15, 0, 0, 0))
+    assert turned.d == ours(*(np.array([(-y, x) for x, y in ring]) for ring in (LEAF, DOT)))
+    assert turned.edge[0] == pytest.approx(np.array([-9, 8]) * 0.3 + np.array([-0.9, -0.9]), abs=2)
+
+
+def test_what_is_too_small_for_the_grid_is_left_out():
+    assert moved_tone(TONE, (0.03, 0, 0, 0.03, 0, 0)).d.count("m") == 0
+    assert moved_tone(TONE, (0.001, 0, 0, 0.001, 0, 0)) is None
+    assert moved_tone("M0 0h9v9z", (0.15, 0, 0, 0.15, 0, 0)) is None

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 from urllib.parse import unquote
@@ -23,11 +23,12 @@ from ..files import limited, quoted
 from ..geometry.parts import Parts
 from .clones import write_out_clones
 from .format import LICENSES, LIMITS, Data, SvgOptions
-from .kept import Kept, keep_strokes
+from .kept import DrawnStroke, Kept, keep_strokes
 from .path_data import NUMBER, page_length, parse_numbers
 from .read_elements import MAX_STROKES, ElementReader
 from .read_stroke import MAX_PLACE, ReadStroke, read_strokes
 from .read_texture import Budget
+from .stroke_data import Knots, knots_of, stroke_data
 from .style_sheet import write_out_rules
 
 MAX_TEXELS = LIMITS["texels"].value
@@ -116,11 +117,26 @@ def _read(data: bytes) -> SvgFile:
     strokes, ids = _strokes(found, origin)
     options = _options(found, any(stroke.strip is not None for stroke in strokes))
     drawing = _drawing(strokes, size, _parts(found.root, strokes))
-    kept = keep_strokes(drawing, (stroke.drawn for stroke in strokes), options)
+    kept = keep_strokes(drawing, _told(drawing, strokes, options.decimals), options)
     return SvgFile(
         drawing, tuple(ids), options, kept,
         found.hidden, found.foreign_shapes, found.lost_tones, found.effects, unread,
     )  # fmt: skip
+
+
+def _told(
+    drawing: Drawing, strokes: Sequence[ReadStroke], decimals: int
+) -> Iterator[DrawnStroke | None]:
+    """The strokes as they are drawn, with data where they stand now."""
+    knots: Knots | None = None
+    for i, stroke in enumerate(strokes):
+        drawn = stroke.drawn
+        if drawn is not None and Data.PATH not in drawn.element.attributes:
+            knots = knots or knots_of(drawing.strokes)
+            data = stroke_data(drawing, i, decimals, knots, True)
+            element = replace(drawn.element, attributes=data | drawn.element.attributes)
+            drawn = DrawnStroke(element)
+        yield drawn
 
 
 def _check_emptiness(found: ElementReader) -> None:

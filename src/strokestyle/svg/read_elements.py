@@ -73,14 +73,13 @@ class StrokeGroup:
 
     Parameters
     ----------
-    id, line, begin, inherits_look : as of StrokeElement
+    id, line, begin : as of StrokeElement
     stroke : once it is met
     """
 
     id: str
     line: int
     begin: int
-    inherits_look: bool
     stroke: StrokeElement | None = None
 
 
@@ -95,7 +94,6 @@ class StrokeElement:
     state : of that element, its own attributes included; of a shape, that of what it is in
     line : of the file, where it begins
     begin, end : its bytes in the file; `end` is behind an empty element, else its end tag's begin
-    inherits_look : the elements around it move it, or make it paler
     of_shapes : its data stand on the first of its shapes
     loose : besides, these are in no group of their own, so that only they tell its ink
     shapes : what is drawn in it, or the element itself, from the lowest to the uppermost
@@ -106,7 +104,6 @@ class StrokeElement:
     state: State
     line: int
     begin: int
-    inherits_look: bool
     of_shapes: bool = False
     loose: bool = False
     shapes: list[Shape] = field(default_factory=list)
@@ -235,7 +232,7 @@ class ElementReader:
             return self._enter_stroke(tag, attributes, state)
         if is_group:
             if STROKE_CLASS in attributes.get("class", "").split():
-                state.group = StrokeGroup(attributes.get("id", ""), *self._place(above))
+                state.group = StrokeGroup(attributes.get("id", ""), *self._place())
             return state
         if TONE_CLASS in attributes.get("class", "").split() and tag == "path":
             return self._enter_shape(tag, attributes)
@@ -243,14 +240,13 @@ class ElementReader:
         self.foreign_shapes += tag in SHAPES and state.shown and not behind
         return State(skipped=True)
 
-    def _place(self, above: State) -> tuple[int, int, bool]:
-        """Line and byte of what is being read, and whether what is around it changes its look."""
-        still = above.matrix == IDENTITY and above.opacity == 1.0
-        return self._xml.line, self._xml.place, not still
+    def _place(self) -> tuple[int, int]:
+        """Line and byte of what is being read."""
+        return self._xml.line, self._xml.place
 
     def _enter_stroke(self, tag: str, attributes: dict[str, str], state: State) -> State:
         """A stroke whose data stand on its own element, which is its group or its outline."""
-        place = self._place(self._states[-1])
+        place = self._place()
         stroke = self._add(StrokeElement(attributes.get("id", ""), attributes, state, *place))
         # what is inside is told from it, not from the page
         state = replace(state, matrix=IDENTITY, opacity=1.0, stroke=stroke)
@@ -268,7 +264,7 @@ class ElementReader:
         if tag == "image":
             above = replace(above, fill=own.fill, fill_opacity=own.fill_opacity, group=None)
         if group is None or group.stroke is not None:
-            place = self._place(above)
+            place = self._place()
             return self._add(
                 StrokeElement(name, attributes, above, *place, of_shapes=True, loose=tag != "image")
             )
@@ -278,7 +274,6 @@ class ElementReader:
             above,
             group.line,
             group.begin,
-            group.inherits_look,
             of_shapes=True,
         )
         return self._add(group.stroke)

@@ -53,10 +53,12 @@ from .read_texture import (
     rgb,
 )
 from .strip_image import read_strip
-from .tone_path import tone_path
+from .stroke_data import edge_at
+from .tone_path import moved_tone, tone_path
 
 MAX_PATH = LIMITS["path_characters"].value
 MAX_PLACE = LIMITS["place"].value
+MOVED_SIZES = (0.6, 1.7)  # by which tones may be scaled that are not drawn anew
 SWELL_SLACK = 1e-5  # of the sum of widths, that is another program's rounding
 MAX_COPIES = 100  # of a stroke that are merged with it
 PROBES = 100  # places on a tone's edge
@@ -93,7 +95,7 @@ class ReadStroke:
     strip : (m, A, 4) uint8, texels as `Texture` has them; None for flat ink
     margin : px that the strip reaches beyond half the width
     part, track : "" for none
-    drawn : how it was drawn, where it stands as it was written
+    drawn : how it was drawn; without data where it was moved since
     """
 
     xy: np.ndarray
@@ -158,9 +160,13 @@ def read_strokes(
     if element.loose and stroke.strip is not None:
         stroke.color[:3] = _mean_ink(stroke.strip)
     home = compose((1.0, 0.0, 0.0, 1.0, -origin[0], -origin[1]), state.matrix)
-    stands = home == IDENTITY and state.opacity == 1.0 and baked == [IDENTITY]
-    if stands and edited is None and not element.inherits_look:
-        stroke.drawn = drawn_stroke(element, stroke.color, offset_points)
+    if edited is None and state.opacity == 1.0:
+        stands = home == IDENTITY and baked == [IDENTITY]
+        stroke.drawn = (
+            drawn_stroke(element, stroke.color, offset_points)
+            if stands
+            else moved_stroke(element, stroke.color, home, baked[0])
+        )
     return [_transformed_stroke(stroke, compose(home, transform)) for transform in baked]
 
 
@@ -538,6 +544,40 @@ def drawn_stroke(
             return None
         given["inkscape:original-d"] = attributes[ORIGINAL_PATH]
     return DrawnStroke(Element("path", given), points)
+
+
+def moved_stroke(
+    element: StrokeElement, color: np.ndarray, home: Affine, baked: Affine
+) -> DrawnStroke | None:
+    """Give a stroke in tones as it is drawn where a hand moved it, in our words, without data.
+
+    None of any other, and where it was made much larger or smaller, or is told by a strip and was
+    turned over.
+
+    Parameters
+    ----------
+    color : (4,) RGBA in [0, 1], the stroke's flat ink
+    home, baked : from its coordinates in the file to the drawing's, and from its data to those
+    """
+    matrix = compose(home, baked)
+    sizes = np.linalg.svd(np.reshape(matrix[:4], (2, 2)), compute_uv=False)
+    told = element.attributes.get(Data.TEXTURE)
+    if not element.shapes or not MOVED_SIZES[0] < sizes[1] <= sizes[0] < MOVED_SIZES[1]:
+        return None
+    if told is not None and determinant(matrix) < 0:
+        return None
+    given = {"fill": hex_color(color[:3])} | ({} if told is None else {Data.TEXTURE: told})
+    children: list[Element] = []
+    for shape in element.shapes:
+        whole = compose(home, shape.matrix)
+        tone = moved_tone(shape.attributes.get("d", ""), whole) if shape.tag == "path" else None
+        child = _own_child(replace(shape, matrix=TONE_SCALE), given["fill"])
+        if tone is None or child is None:
+            return None
+        if not children:
+            given[Data.AT] = edge_at(tone.edge)
+        children.append(replace(child, attributes=child.attributes | {"d": tone.d}))
+    return DrawnStroke(Element("g", given, tuple(children)))
 
 
 def _is_outline(element: StrokeElement) -> bool:

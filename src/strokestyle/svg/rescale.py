@@ -25,9 +25,9 @@ from .markup import Element, number, numbers, units
 from .read_elements import ElementReader, StrokeElement
 from .read_stroke import baked_transforms, read_centre_line, read_widths
 from .read_texture import MAX_RINGS, TONES, Shape
+from .stroke_data import edge_at
 from .tone_path import tone_path
 from .tones import Tones, tone_shapes
-from .write import edge_at
 
 FACTORS = (0.5, 1.6)  # beyond, grain would be drawn out across strokes too much
 SPACING = 1.0  # px between places on centre lines among which the nearest is looked up

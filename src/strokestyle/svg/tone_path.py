@@ -1,15 +1,17 @@
-"""Path data of a tone as another program spells it, in our words again."""
+"""Path data of a tone as another program spells it, or moved, in our words again."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ..geometry.affine import Affine, transformed
 from ..geometry.bezier import Segment
+from .format import TONE_UNIT
 from .path_data import parse_path
 from .read_texture import TONES
-from .tones import Tones, tone_shapes
+from .tones import Tones, ToneShape, tone_shapes
 
 STRAIGHT = 1e-6  # units squared: a piece that encloses less between its two sides is a line
 EXACT = 1e-6  # units that other programs' whole numbers may be off
@@ -23,18 +25,41 @@ def tone_path(d: str) -> str | None:
     """
     if TONES.fullmatch(d):
         return "M" + d[1:]
+    shape = _shape(d, lambda ring: ring)
+    return None if shape is None else shape.d
+
+
+def moved_tone(d: str, matrix: Affine) -> ToneShape | None:
+    """Move a tone: None where its path data are no such spline, or nothing is left of it.
+
+    `matrix` takes units of the path data to px. Points lie on the grid of TONE_UNIT again: what
+    they move by besides is less than that.
+    """
+
+    def moved(ring: np.ndarray) -> np.ndarray:
+        at = transformed(matrix, 2.0 * ring) / (2 * TONE_UNIT)
+        made = np.rint(at).astype(np.int64)
+        made = made[(made != np.roll(made, 1, axis=0)).any(axis=1)]
+        return made if len(made) > 2 else made[:0]
+
+    return _shape(d, moved)
+
+
+def _shape(d: str, change: Callable[[np.ndarray], np.ndarray]) -> ToneShape | None:
+    """The tone of path data whose polygons are changed; None where they are no such spline."""
     try:
         found = [_polygon(subpath) for subpath in parse_path(d)]
     except ValueError:
         return None
-    rings = [ring for ring in found if ring is not None and len(ring)]
+    rings = [change(ring) for ring in found if ring is not None and len(ring)]
+    rings = [ring for ring in rings if len(ring)]
     if not rings or any(ring is None for ring in found):
         return None
     offsets = np.cumsum([0, *map(len, rings)])
     one = np.zeros(len(rings), np.int64)
     shown = np.zeros((1, 1))
     regions = Tones(shown, np.zeros((1, 1, 3)), np.concatenate(rings), offsets, one, one)
-    return tone_shapes(regions)[0][0].d
+    return tone_shapes(regions)[0][0]
 
 
 def _polygon(subpath: Sequence[Segment]) -> np.ndarray | None:

@@ -12,34 +12,27 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import resvg_py
 
 from ..drawing.outline import outlines
 from ..drawing.ribbon import overlaps, ribbon
-from ..drawing.strokes import Drawing, Strokes, order_of_kinds, paint_order
+from ..drawing.strokes import Drawing, order_of_kinds, paint_order
 from ..files import write_bytes
-from ..geometry.curves import KINDS, Curves, arc_length, simplify_all
+from ..geometry.curves import KINDS, Curves
 from ..geometry.parts import Parts
 from .centre_lines import plotter_svg
 from .document import LayerItem, Page, document, drawing_data, layered
 from .format import (
     CURVE_CLASS,
     DATA,
-    LANDMARK_DECIMALS,
-    MARGIN_DECIMALS,
-    PATH_SLACK,
-    SHARE_DECIMALS,
     STRIP_LEVELS,
     STRIP_LEVELS_FEW,
     STROKE_CLASS,
     TONE_CLASS,
     TONE_LOOK,
     TRACK_NAME,
-    WIDTH_DECIMALS,
-    WIDTH_SLACK,
     Data,
     SvgOptions,
     usual_rings,
@@ -47,12 +40,13 @@ from .format import (
 from .images import stroke_images
 from .ink import Inks, inks
 from .kept import DrawnStroke, Kept, kept_strokes
-from .landmarks import enclosed, fine_line, landmarks
-from .markup import Element, hex_color, number, numbers, polyline_path, printable, rings_path, units
+from .landmarks import fine_line, landmarks
+from .markup import Element, hex_color, number, polyline_path, printable, rings_path
 from .path_data import page_length, parse_numbers
 from .png import with_resolution
 from .power_stroke import EFFECT, effect, power_strokes, swell
 from .strip_image import strips_png
+from .stroke_data import edge_at, knots_of, places_at, stroke_data
 from .tones import ToneShape, tone_shapes, tones
 
 CSS_DPI = 96.0  # pixels an inch
@@ -261,14 +255,9 @@ def _drawn(
         strokes = _toned(drawing, options, index, ink)
     else:
         strokes = _pictured(drawing, options, index, ink)
-    knots = _knots(drawing.strokes)
+    knots = knots_of(drawing.strokes)
     for i, stroke in zip(index.tolist(), strokes, strict=True):
-        data = _data(drawing, i, options.decimals, knots)
-        if texture is not None and "fill-opacity" in data:
-            # what is inside has its own: scour would drop the group's, Scribus fades images by it
-            data[Data.OPACITY] = data.pop("fill-opacity")
-        if texture is not None:
-            data[Data.MARGIN] = number(texture.margin[i], MARGIN_DECIMALS)
+        data = stroke_data(drawing, i, options.decimals, knots, texture is not None)
         yield _with_attributes(stroke, data)
 
 
@@ -441,7 +430,7 @@ def _outlined(drawing: Drawing, options: SvgOptions, index: np.ndarray) -> Itera
             yield DrawnStroke(Element("path", given))
             continue
         given["inkscape:original-d"] = skeleton.d
-        given[Data.SPINE] = _at(landmarks(skeleton.line))  # Inkscape draws the outline anew
+        given[Data.SPINE] = places_at(landmarks(skeleton.line))  # Inkscape draws the outline anew
         given[Data.SWELL] = number(swell(skeleton.offset_points), 2)
         yield DrawnStroke(Element("path", given), skeleton.offset_points)
 
@@ -485,77 +474,5 @@ def _pictured(
         }
         href = "data:image/png;base64," + base64.b64encode(picture.png).decode("ascii")
         given |= {"preserveAspectRatio": "none", "xlink:href": href}
-        at = {Data.AT: _at(picture.corners)}
+        at = {Data.AT: places_at(picture.corners)}
         yield DrawnStroke(Element("g", at, (Element("image", given),)))
-
-
-# ------------------------------------------------------------------------ a stroke, to be read back
-
-
-class _Knots(NamedTuple):
-    """Arc length (N,) px of points, and which of them (N,) bool centre lines and widths need."""
-
-    along: np.ndarray
-    bends: np.ndarray
-    widths: np.ndarray
-
-    def of(self, rows: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of the points of one stroke: its arc length, and the places of those points."""
-        bends, widths = (np.flatnonzero(v[rows]) for v in (self.bends, self.widths))
-        return self.along[rows], bends, widths
-
-
-def _knots(strokes: Strokes) -> _Knots:
-    along = arc_length(strokes.xy, strokes.offsets)
-    widths = np.stack([along, strokes.thickness], axis=1)
-    bends = simplify_all(strokes.xy, strokes.offsets, PATH_SLACK)
-    return _Knots(along, bends, simplify_all(widths, strokes.offsets, WIDTH_SLACK))
-
-
-def _data(drawing: Drawing, i: int, decimals: int, knots: _Knots) -> dict[str, str]:
-    """A stroke as data: its centre line, widths and colour."""
-    strokes, color = drawing.strokes, drawing.color[i]
-    path, widths = _line_data(strokes, i, decimals, knots)
-    # the centre line is data, not a shape, so it is an open path even where the stroke is closed
-    data = {Data.CLASS: KINDS[strokes.kind[i]], Data.PATH: path, Data.WIDTH: widths}
-    if strokes.closed[i]:
-        data[Data.CLOSED] = "1"
-    data["fill"] = hex_color(color[:3])
-    if color[3] < 0.9995:
-        data["fill-opacity"] = number(color[3], 3)
-    return data
-
-
-def _line_data(strokes: Strokes, i: int, decimals: int, knots: _Knots) -> tuple[str, str]:
-    """A centre line and its widths without the points that lie between their neighbours anyway.
-
-    Widths by arc length where they are few, else one for each point: what is shorter.
-    """
-    rows = strokes.rows(i)
-    xy, width = strokes.xy[rows], strokes.thickness[rows]
-    along, bends, places = knots.of(rows)
-    share = numbers(units(along[places] / max(along[-1], 1e-12), SHARE_DECIMALS), SHARE_DECIMALS)
-    both = np.union1d(bends, places)
-    every = _widths(width[both])
-    there = [every[k] for k in np.searchsorted(both, places).tolist()]
-    pairs = " ".join(f"{a},{b}" for a, b in zip(share, there, strict=True))
-    path, path_of_both = (polyline_path(xy[some], decimals) for some in (bends, both))
-    each = " ".join(every)
-    if len(path_of_both) + len(each) <= len(path) + len(pairs):
-        return path_of_both, each
-    return path, pairs
-
-
-def _widths(width: np.ndarray) -> list[str]:
-    return numbers(units(width, WIDTH_DECIMALS), WIDTH_DECIMALS)
-
-
-def edge_at(line: np.ndarray) -> str:
-    """Tell where a stroke's first shape is: landmarks of its edge (n, 2), and the area within."""
-    return f"{_at(landmarks(line))} {number(enclosed(line), 2)}"
-
-
-def _at(places: np.ndarray) -> str:
-    """Landmarks or the corners of an image, (4, 2), as text."""
-    x, y = (numbers(units(column, LANDMARK_DECIMALS), LANDMARK_DECIMALS) for column in places.T)
-    return " ".join(f"{a},{b}" for a, b in zip(x, y, strict=True))
