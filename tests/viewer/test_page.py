@@ -229,7 +229,8 @@ def saved(browser, name="a-edited.svg"):
     target = browser.downloads / name
     target.unlink(missing_ok=True)
     browser.click(*middle(browser, "#save"))
-    browser.wait_for(target.exists)
+    # Firefox makes an empty file first
+    browser.wait_for(lambda: target.exists() and target.stat().st_size > 0)
     browser.wait_for("!document.querySelector('#save').disabled")
     return target.read_text(encoding="utf-8")
 
