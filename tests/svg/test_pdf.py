@@ -57,6 +57,19 @@ def test_another_program_draws_it_as_the_svg_is_drawn(texture):
     assert np.abs(seen - want).mean() < 2.5
 
 
+@pytest.mark.parametrize(
+    "fill, same",
+    [
+        ("rgba(255, 51, 0, .5)", '#ff3300" fill-opacity=".5'),
+        ("#ff3300 icc-color(Press, 0, .8, 1, 0)", "#ff3300"),
+        ("transparent", "none"),
+    ],
+)
+def test_a_fill_of_css_is_the_ink_that_it_says(fill, same):
+    svg = '<svg width="9" height="9" viewBox="0 0 9 9"><path fill="{}" d="M0 0h9v9z"/></svg>'
+    assert pdf_from_svg(svg.format(fill)) == pdf_from_svg(svg.format(same))
+
+
 def test_what_is_no_drawing_of_ours_is_refused():
     with pytest.raises(ValueError, match="circle"):
         pdf_from_svg('<svg width="9" height="9" viewBox="0 0 9 9"><circle r="4"/></svg>')

@@ -621,13 +621,30 @@ def test_strokes_outlast_ungroup_by_inkscape_itself(tmp_path):
     assert len(read_svg(tmp_path / "b.svg").strokes) == 5
 
 
-def test_colours_beyond_what_there_is_are_the_last_there_is():
-    for fill, wanted in (
-        ("rgb(300,0,0)", [1, 0, 0]),
-        ("rgb(999999999999999999999999999,0,0)", [1, 0, 0]),
-    ):
-        _, file = edited("vector", a=('fill="#1a284d"', f'fill="{fill}"'))
-        assert file.drawing.color[0, :3].tolist() == wanted
+@pytest.mark.parametrize(
+    "fill, wanted",
+    [
+        ("rgb(300,0,0)", [1, 0, 0, 1]),  # beyond what there is: the last there is
+        ("rgb(999999999999999999999999999,0,0)", [1, 0, 0, 1]),
+        ("rgba(255, 51, 0, .5)", [1, 0.2, 0, 0.5]),
+        ("rgb(100% 20% 0% / 50%)", [1, 0.2, 0, 0.5]),
+        ("rgb(127.5 0 .0)", [0.5, 0, 0, 1]),
+        ("hsl(120deg 100% 25%)", [0, 0.5, 0, 1]),
+        ("hsla(480, 100%, 25%, 1)", [0, 0.5, 0, 1]),
+        ("#f308", [1, 0.2, 0, 8 / 15]),
+        (" REBECCAPURPLE ", [0.4, 0.2, 0.6, 1]),
+        ("#ff3300 icc-color(Press, 0, .8, 1, 0)", [1, 0.2, 0, 1]),  # as Inkscape and Scribus do
+        ("url(#gone) #f30", [1, 0.2, 0, 1]),
+        ("url(#gone) none", [0, 0, 0, 1]),  # a gradient was there, so that ink was
+        ("transparent", [0, 0, 0, 0]),
+        ("rgb(1 2)", [0, 0, 0, 1]),  # none that we know
+        ("color(srgb 1 0 0)", [0, 0, 0, 1]),
+    ],
+)
+def test_a_fill_is_read_as_css_says_it(fill, wanted):
+    _, file = edited("vector", a=('fill="#1a284d"', f'fill="{fill}"'))
+    opacity = small("grain").color[0, 3]
+    assert file.drawing.color[0] == pytest.approx([*wanted[:3], wanted[3] * opacity], abs=1e-6)
 
 
 # ------------------------------------------------------------------------------ damaged and hostile

@@ -19,7 +19,7 @@ from .format import INKSCAPE_NAMESPACE, MM_PER_PX
 from .markup import numbers, units
 from .path_data import length, page_length, parse_numbers, parse_path, parse_transform
 from .read_elements import parse_share
-from .read_texture import Budget, decoded, image_box, rgb
+from .read_texture import Budget, decoded, image_box, rgba
 from .xml import SaxReader, css_property
 
 POINT = 25.4 / 72  # mm
@@ -180,7 +180,7 @@ class _Page:
     def _draw_path(self, attributes: dict[str, str]) -> None:
         look = self._looks[-1]
         paint = {(True, False): "f", (False, True): "S", (True, True): "B"}.get(
-            (look.fill != "none", look.stroke != "none")
+            (rgba(look.fill)[3] > 0, rgba(look.stroke)[3] > 0)
         )
         outline = path_operators(attributes.get("d", ""), _decimals(look.scale))
         if paint is None or not outline:
@@ -193,14 +193,15 @@ class _Page:
     def _ink(self, look: _Look) -> list[str]:
         """The operators that choose the colours, opacities and pen of a path."""
         given, made = look.properties, []
+        fill, stroke = rgba(look.fill), rgba(look.stroke)
         opacity = [
-            round(look.opacity * parse_share(given.get(f"{of}-opacity", ""), 1.0), 4)
-            for of in ("fill", "stroke")
+            round(look.opacity * share * parse_share(given.get(f"{of}-opacity", ""), 1.0), 4)
+            for of, share in (("fill", float(fill[3])), ("stroke", float(stroke[3])))
         ]
-        if look.fill != "none":
-            made.append(f"{_color(look.fill)} rg")
-        if look.stroke != "none":
-            made += [f"{_color(look.stroke)} RG", *_pen(given)]
+        if fill[3] > 0:
+            made.append(f"{_color(fill)} rg")
+        if stroke[3] > 0:
+            made += [f"{_color(stroke)} RG", *_pen(given)]
         return [self._state(opacity[0], opacity[1]), *made]
 
     def _state(self, fill: float, stroke: float) -> str:
@@ -289,8 +290,8 @@ def _matrix(matrix: Affine) -> str:
     return " ".join(f"{value:.6f}".rstrip("0").rstrip(".") for value in matrix) + " cm"
 
 
-def _color(fill: str) -> str:
-    return " ".join(f"{value:.4f}".rstrip("0").rstrip(".") for value in rgb(fill))
+def _color(color: np.ndarray) -> str:
+    return " ".join(f"{value:.4f}".rstrip("0").rstrip(".") for value in color[:3])
 
 
 def _pen(given: Mapping[str, str]) -> list[str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from ..geometry.affine import IDENTITY, Affine, compose, is_flat
 from .format import FORMAT, LIMITS, PAPER_ID, RDF_NAMESPACES, STROKE_CLASS, TONE_CLASS, Data
 from .path_data import own_transform, page_length, parse_numbers, parse_share
-from .read_texture import Shape
+from .read_texture import Shape, rgba
 from .style_sheet import Declared, ruled_style, styles_of
 from .xml import SVG_NAMESPACE, SaxReader, css_property
 
@@ -358,5 +358,5 @@ def _add_shape(stroke: StrokeElement, tag: str, attributes: dict[str, str], stat
     """Add an element to the shapes of its stroke, if it is one that is shown."""
     if tag not in ("path", "image") or not state.shown:
         return
-    share = state.fill_opacity if state.fill != "none" else 0.0
+    share = state.fill_opacity * float(rgba(state.fill)[3])
     stroke.shapes.append(Shape(tag, attributes, state.matrix, state.fill, state.opacity, share))

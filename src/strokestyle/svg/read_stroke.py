@@ -51,6 +51,7 @@ from .read_texture import (
     image_box,
     image_link,
     rgb,
+    rgba,
 )
 from .strip_image import read_strip
 from .stroke_data import edge_at
@@ -178,10 +179,9 @@ def _track(text: str) -> str:
 def _color(element: StrokeElement) -> np.ndarray:
     """The flat ink of a stroke, (4,) RGBA."""
     state = element.state
-    color = np.array([*rgb(state.fill), state.fill_opacity * state.opacity])
-    color[3] *= parse_share(element.attributes.get(Data.OPACITY, ""), 1.0) * _fade(element)
-    if state.fill == "none":
-        color[3] = 0.0
+    color = rgba(state.fill)
+    color[3] *= state.fill_opacity * state.opacity * _fade(element)
+    color[3] *= parse_share(element.attributes.get(Data.OPACITY, ""), 1.0)
     return color
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import colorsys
 import re
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from ..geometry.affine import Affine, determinant, inverse, is_flat, transformed
 from ..geometry.bezier import flatten
 from ..geometry.polygons import winding_number
 from .format import LIMITS
-from .path_data import length, parse_path
+from .path_data import length, parse_path, parse_share
 from .png import read_png
 
 DENSITY = 1.5  # texels a px, of what is drawn in tones
@@ -28,6 +29,10 @@ MAX_PIXELS = LIMITS["image_pixels"].value
 MAX_RINGS = LIMITS["rings"].value
 CHORD = 0.05  # px between a curve and its chords
 TONES = re.compile(r"(?:[Mm][-0-9 ]*q[-0-9 ]*t[-0-9 ]*z)+")  # path data as tones.py writes it
+MAX_COLOR = 200  # characters of a colour that are looked at
+_BESIDE_COLOR = re.compile(r"url\([^)]*\)(?!\s*(?:none)?$)|icc-color\([^)]*\)|\s*!\s*important")
+_CALLED_COLOR = re.compile(r"(rgb|hsl)a?\(([^()]*)\)")
+_COLOR_NUMBER = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)(?:%|deg)?")
 _PNG = re.compile(r"\s*data:image/png;base64,")  # other images, and elsewhere, are not looked at
 
 
@@ -290,7 +295,40 @@ def _one_ink(texels: np.ndarray) -> np.ndarray | None:
 
 def rgb(fill: str) -> np.ndarray:
     """Read a CSS colour as (r, g, b) in [0, 1]; black where it is none that we know."""
+    return rgba(fill)[:3]
+
+
+def rgba(fill: str) -> np.ndarray:
+    """Read a CSS colour as (r, g, b, opacity) in [0, 1]; black where it is none that we know.
+
+    Of `url(#gradient) red`, or `red icc-color(name, 0, 1)`, that is red; `none` is clear.
+    """
+    name = _BESIDE_COLOR.sub("", fill[:MAX_COLOR].lower()).strip()
+    if name in ("none", "transparent"):
+        return np.zeros(4)
+    called = _CALLED_COLOR.fullmatch(name)
     try:
-        return np.clip(np.array(ImageColor.getrgb(fill[:60])[:3], np.float64) / 255.0, 0.0, 1.0)
+        if called:
+            return np.clip(_called_color(called[1], called[2]), 0.0, 1.0)
+        return np.array(ImageColor.getcolor(name, "RGBA"), np.float64) / 255.0
     except ValueError:
-        return np.zeros(3)
+        return np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def _called_color(function: str, arguments: str) -> tuple[float, ...]:
+    """(r, g, b, opacity) of `rgb` or `hsl`, perhaps beyond [0, 1]. Raises ValueError.
+
+    Old and new notation: `rgb(255, 0, 0)`, `rgb(100% 0% 0% / 50%)`, `hsl(120deg 100% 50%)`.
+    """
+    words = re.split(r"\s*[\s,/]\s*", arguments.strip())
+    values = [_COLOR_NUMBER.fullmatch(word) for word in words[:3]]
+    if len(words) not in (3, 4) or not all(values):
+        raise ValueError("no colour")
+    opacity = parse_share(words[3], 1.0) if len(words) == 4 else 1.0
+    numbers = [float(value[1]) for value in values if value]
+    if function == "rgb":
+        whole = [100.0 if word.endswith("%") else 255.0 for word in words]
+        return *(v / of for v, of in zip(numbers, whole, strict=False)), opacity
+    hue, saturation, lightness = numbers
+    shares = (min(max(share / 100.0, 0.0), 1.0) for share in (lightness, saturation))
+    return *colorsys.hls_to_rgb(hue / 360.0 % 1.0, *shares), opacity
