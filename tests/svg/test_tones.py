@@ -9,8 +9,8 @@ from stroke_zoo import stroke, together, zoo
 from strokestyle.drawing.raster import rasterise
 from strokestyle.drawing.strokes import Drawing, Texture
 from strokestyle.geometry.curves import simplify_all
-from strokestyle.geometry.polygons import united
-from strokestyle.svg.tones import HELD, fit_bsplines, tone_shapes, tones
+from strokestyle.geometry.polygons import areas, united
+from strokestyle.svg.tones import HELD, fit_bsplines, tone_shapes, tones, without_spikes
 from strokestyle.svg.write import png_from_svg, write_svg
 
 
@@ -177,6 +177,45 @@ def test_splines_solve_their_equations():
         values = np.concatenate([values, held * through])
         expected = np.linalg.lstsq(rows, values, rcond=None)[0]
         np.testing.assert_allclose(found[offsets[k] : offsets[k + 1]], expected, atol=1e-5)
+
+
+def test_spikes_are_left_out():
+    ring = [
+        [0, 0],
+        [9, 0],
+        [9, 5],
+        [9, 0],
+        [9, 9],
+        [4, 9],
+        [4, 12],
+        [4, 9],
+        [4, 12],
+        [4, 9],
+        [0, 9],
+    ]
+    whole, line, point = (
+        [[0, 0], [9, 0], [0, 9]],
+        [[1, 1], [5, 1], [1, 1], [5, 1]],
+        [[3, 3], [3, 3]],
+    )
+    given = (line, ring, point, whole)
+    offsets = np.cumsum([0, *map(len, given)])
+    kept, ends = without_spikes(np.concatenate(given), offsets)
+    left = [kept[a:b].tolist() for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    assert [len(one) for one in left[::2]] == [0, 0] and left[3] == whole
+    assert sorted(left[1]) == [[0, 0], [0, 9], [4, 9], [9, 0], [9, 9]]
+
+
+def test_no_piece_ends_where_it_begins():
+    rng = np.random.default_rng(5)
+    offsets = np.cumsum([0, *rng.integers(1, 40, 200)])
+    polygon = rng.integers(0, 4, (offsets[-1], 2))  # many spikes, and ways to the same point
+    kept, ends = without_spikes(polygon, offsets)
+    np.testing.assert_allclose(areas(kept, ends), areas(polygon, offsets))
+    for a, b in zip(ends[:-1], ends[1:], strict=True):
+        ring = kept[a:b]
+        middle = ring + np.roll(ring, -1, axis=0)
+        assert b - a < 3 or (middle != np.roll(middle, 1, axis=0)).any(axis=1).all()
 
 
 def test_dense_grain_is_simplified_until_it_fits(monkeypatch):

@@ -11,7 +11,7 @@ from ..geometry.bezier import Segment
 from .format import TONE_UNIT
 from .path_data import parse_path
 from .read_texture import TONES
-from .tones import Tones, ToneShape, tone_shapes
+from .tones import Tones, ToneShape, tone_shapes, without_spikes
 
 STRAIGHT = 1e-6  # units squared: a piece that encloses less between its two sides is a line
 EXACT = 1e-6  # units that other programs' whole numbers may be off
@@ -38,8 +38,7 @@ def moved_tone(d: str, matrix: Affine) -> ToneShape | None:
 
     def moved(ring: np.ndarray) -> np.ndarray:
         at = transformed(matrix, 2.0 * ring) / (2 * TONE_UNIT)
-        made = np.rint(at).astype(np.int64)
-        made = made[(made != np.roll(made, 1, axis=0)).any(axis=1)]
+        made, _ = without_spikes(np.rint(at).astype(np.int64), np.array([0, len(at)]))
         return made if len(made) > 2 else made[:0]
 
     return _shape(d, moved)

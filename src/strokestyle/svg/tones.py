@@ -105,7 +105,8 @@ def tones(
     contours = _contours(alpha, strips, bands, levels.threshold)
     group = contours.stroke * count + contours.tone
     made = _uncrossed(Groups(contours.xy, contours.offsets, group), SLACK * tolerance)
-    points, offsets, group = made
+    points, offsets = without_spikes(made.points, made.offsets)
+    points, offsets, group = Groups(points, offsets, made.group).those(np.diff(offsets) > 2)
     stroke, tone = np.divmod(group, count)
     order = _largest_first(np.abs(areas(points, offsets)), group)
     rows, offsets = take_ragged(offsets, order)
@@ -478,6 +479,24 @@ def _splines(
     real = np.flatnonzero(np.diff(offsets) > 2)
     rows, offsets = take_ragged(offsets, real)
     return polygon[rows], offsets, kept[real]
+
+
+def without_spikes(polygon: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Leave out of closed polygons (M, 2) what encloses nothing: ways to the same point, or back.
+
+    A spline's piece that ends where it begins would be left out by svgo 4.1.0, and all pieces after
+    it would bend the other way: each is told as the reflection of the one before. Returns what is
+    left and its offsets; of a polygon that encloses nothing that may be a point or two.
+    """
+    while True:
+        before, after = _neighbours(offsets)
+        keep = (polygon != polygon[before]).any(axis=1)
+        if keep.all():
+            keep = (polygon[before] != polygon[after]).any(axis=1)
+            keep |= (np.diff(offsets) < 3).repeat(np.diff(offsets))
+        if keep.all():
+            return polygon, offsets
+        polygon, offsets = polygon[keep], _counted(keep, offsets)
 
 
 def _thinned(
