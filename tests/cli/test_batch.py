@@ -1,5 +1,6 @@
 """Batches at the command line: journal, --resume, limits, lists, --json, mirrored folders."""
 
+import functools
 import json
 import os
 import signal
@@ -130,13 +131,20 @@ def test_a_run_that_is_stopped_says_how_to_go_on(place, tmp_path, number):
     out = tmp_path / "out"
     command = [sys.executable, "-m", "strokestyle", "render", place / "m.pt",
                place / "in" / "box 0.ply", hanging(tmp_path), "-o", out]  # fmt: skip
-    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    # what a shell starts in the background ignores SIGINT, and so does all that it starts
+    interruptible = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=interruptible)
     end = time.monotonic() + 60
     while not ((out / NAME).exists() and (out / NAME).read_text()) and time.monotonic() < end:
         time.sleep(0.02)
     time.sleep(0.3)
     running.send_signal(number)
-    _, said = running.communicate(timeout=30)  # not before the worker is gone, which writes to it
+    try:
+        _, said = running.communicate(
+            timeout=30
+        )  # not before the worker is gone, which writes to it
+    finally:
+        running.kill()
     assert running.returncode == (130 if number == signal.SIGINT else -signal.SIGKILL)
     if number == signal.SIGINT:
         last = "strokestyle: stopped: 1 of 2 shapes are drawn; the same command with --resume"

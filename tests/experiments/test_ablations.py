@@ -65,13 +65,14 @@ def lesson(tmp_path_factory):
 def test_each_variant_learns(name):
     """Its geometry, and where its texture network is not the paper's, that too."""
     losses, painted = Losses(), name in ("paper", "paper_no_surface_features")
-    variant = tiny(name, geometry_steps=20, texture_steps=20 if painted else 1, rate=1e-2)
+    variant = tiny(name, geometry_steps=40, texture_steps=40 if painted else 1, rate=1e-2)
     made = Networks.untrained(variant.networks, 0, CPU)
     exercise = Exercise.of(a_view(), a_drawing(a_view(), 7.0), CPU)
     train(made, exercise, variant.on(SIZE), 0, losses, Checkpoint())
     stages = [("geometry", "mask"), ("texture", "color")]
     for loss in (losses.of(*stage) for stage in stages[: 1 + painted]):
-        assert np.mean(loss[-5:]) < 0.8 * np.mean(loss[:5])
+        # of many steps: what a patch shows moves the loss of its step as much as learning does
+        assert np.mean(loss[len(loss) // 2 :]) < 0.9 * np.mean(loss[:3])
 
 
 def test_the_papers_model_is_what_fit_trains(lesson):
