@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.curves import take_ragged
+from ..geometry.curves import owner, take_ragged
 from ..geometry.polygons import following, overlap, united
 
 FINE = 4  # pieces of a polyline for each of a spline
@@ -57,7 +57,8 @@ def crossing_groups(polygons: Groups) -> tuple[np.ndarray, np.ndarray]:
     """
     edges = Groups(_splines(polygons), FINE * polygons.offsets, polygons.group)
     found = [(name, overlap(own)) for name, own in edges.members()]
-    crossed = [name for name, area in found if area is not None]
+    cusps = polygons.group[owner(polygons.offsets)[_meets_next(polygons)]]
+    crossed = sorted({*cusps.tolist(), *(name for name, area in found if area is not None)})
     much = [name for name, area in found if area is not None and area > MUCH]
     return np.array(crossed, np.int64), np.array(much, np.int64)
 
@@ -98,6 +99,31 @@ def _separated(polygons: list[np.ndarray]) -> list[np.ndarray]:
     ends = np.r_[0, np.cumsum(keep)][offsets]
     rounded = np.split(points[keep].astype(np.int64), ends[1:-1])
     return [polygon for polygon in rounded if len(polygon) > 2]
+
+
+def _meets_next(polygons: Groups) -> np.ndarray:
+    """Find the pieces (M,) bool of B-splines that cross the one after them, or lie on it.
+
+    Behind a cusp, and too near it, often, for a polyline to show. From where both pieces meet, in
+    the middle of the side e of the control polygon between d and f, one leads to
+    -u e + u^2 (e - d) / 2 and the other to v e + v^2 (f - e) / 2: across e they are as far from it
+    for v = k u, and along it for one u.
+    """
+    after = following(len(polygons.points), polygons.offsets)
+    here = polygons.points.astype(np.float64)
+    e = here[after] - here
+    d, f = np.empty_like(e), e[after]
+    d[after] = e
+    before, behind = e[:, 0] * d[:, 1] - e[:, 1] * d[:, 0], e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]
+    turns_back = (before == 0.0) & ((e * d).sum(axis=1) < 0.0)
+    some = np.flatnonzero(before * behind < 0.0)  # both bend to the same side of e
+    e, d, f = e[some], d[some], f[some]
+    k = np.sqrt(-before[some] / behind[some])
+    long = (e * e).sum(axis=1)
+    back = (long - (e * d).sum(axis=1)) + k * k * (long - (e * f).sum(axis=1))
+    meets = turns_back
+    meets[some] = 2.0 * (1.0 + k) * long * np.maximum(k, 1.0) <= back
+    return meets
 
 
 def _splines(polygons: Groups) -> np.ndarray:
