@@ -232,6 +232,32 @@ def test_rules_that_are_not_understood_are_told(drawn, tmp_path, edit):
     assert f"{told}g:has(a), path:lang(en)\n" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("added", "told"),
+    [
+        ('stroke="red"', 1),
+        ('style="stroke:#f00;stroke-width:2mm"', 1),
+        ('style="fill:none;stroke:rgb(0 0 255 / 50%)"', 1),
+        ('stroke="red" stroke-width="0"', 0),
+        ('stroke="red" style="stroke-width:0.0px"', 0),
+        ('stroke="rgba(9, 9, 9, 0)"', 0),
+        ('stroke="none" stroke-width="9"', 0),
+    ],
+)
+def test_outlines_that_a_hand_gave_to_strokes_are_told(drawn, tmp_path, added, told):
+    drawn.write_text(drawn.read_text().replace('class="stroke"', f'class="stroke" {added}', 1))
+    result = run(drawn, "-o", tmp_path / "o.svg", "--wiggle", "1,9")
+    assert result.exit_code == 0
+    assert ("; left out: outlines of strokes 1\n" in result.stderr) == bool(told)
+
+
+def test_outlines_that_a_layer_hands_on_are_told(drawn, tmp_path):
+    text = drawn.read_text().replace('inkscape:groupmode="layer"', 'stroke="red"')
+    drawn.write_text(text.replace('class="stroke"', 'class="stroke" style="stroke:none"', 1))
+    result = run(drawn, "-o", tmp_path / "o.svg", "--wiggle", "1,9")
+    assert "; left out: outlines of strokes 4\n" in result.stderr
+
+
 def test_a_preview_and_what_is_left_out(drawn, tmp_path):
     text = drawn.read_text().replace("</svg>", "<text>mine</text></svg>")
     drawn.write_text(text.replace('class="stroke"', 'class="stroke" clip-path="url(#c)"', 2))

@@ -45,5 +45,6 @@ def left_out(found: SvgFile) -> str:
         "shapes": found.foreign_shapes - found.lost_tones,
         "tones without their stroke's first": found.lost_tones,
         "clips, gradients, filters": found.effects,
+        "outlines of strokes": found.outlines,
     }
     return ", ".join(f"{what} {n}" for what, n in counts.items() if n)

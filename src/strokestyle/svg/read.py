@@ -56,6 +56,7 @@ class SvgFile:
         stroke's data, is not there
     effects : number of gradients, clip paths, masks and filters on strokes, which a Drawing does
         not have
+    outlines : number of strokes with an SVG stroke besides, which is not read
     unread_rules : selectors and other rules of its style sheets that are not understood
     """
 
@@ -67,6 +68,7 @@ class SvgFile:
     foreign_shapes: int = 0
     lost_tones: int = 0
     effects: int = 0
+    outlines: int = 0
     unread_rules: tuple[str, ...] = ()
 
 
@@ -120,7 +122,8 @@ def _read(data: bytes) -> SvgFile:
     kept = keep_strokes(drawing, _told(drawing, strokes, options.decimals), options)
     return SvgFile(
         drawing, tuple(ids), options, kept,
-        found.hidden, found.foreign_shapes, found.lost_tones, found.effects, unread,
+        found.hidden, found.foreign_shapes, found.lost_tones, found.effects,
+        sum(stroke.outlined for stroke in found.strokes), unread,
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ MAX_STROKES = LIMITS["strokes"].value
 MAX_WORDS = 10_000  # characters of a title, or of another of the document's texts
 REFERENCES = ("fill", "clip-path", "mask", "filter")
 _REFERENCE = re.compile(rf"(?:^|;)\s*(?:{'|'.join(REFERENCES)})\s*:\s*url\(")
+_NO_WIDTH = re.compile(r"\s*[+-]?0*\.?0*\s*[a-z%]*\s*", re.IGNORECASE)
 GROUPS = ("g", "a", "switch")  # what is in any other element is not drawn, or is no stroke
 HREFS = {"href", "http://www.w3.org/1999/xlink}href"}  # a `use` without is a clone written out
 SHAPES = (
@@ -41,6 +42,7 @@ class State:
     matrix : from its coordinates to the root's, without the root's viewBox; inside a stroke, to
         the stroke's
     fill, fill_opacity, opacity : CSS colour, and shares in [0, 1]; opacity is the product of all
+    outline, outline_width : as `stroke` and `stroke-width` say
     visible : as `visibility` says, which an element inside may take back
     rendered : no `display: none`, and not pressed flat, which nothing inside can take back
     view : (width, height) that percentages refer to
@@ -54,6 +56,8 @@ class State:
     fill: str = "#000000"
     fill_opacity: float = 1.0
     opacity: float = 1.0
+    outline: str = "none"
+    outline_width: str = "1"
     visible: bool = True
     rendered: bool = True
     view: tuple[float, float] = (0.0, 0.0)
@@ -97,6 +101,7 @@ class StrokeElement:
     of_shapes : its data stand on the first of its shapes
     loose : besides, these are in no group of their own, so that only they tell its ink
     shapes : what is drawn in it, or the element itself, from the lowest to the uppermost
+    outlined : one of them has an outline besides, which no stroke of ours has
     """
 
     id: str
@@ -107,6 +112,7 @@ class StrokeElement:
     of_shapes: bool = False
     loose: bool = False
     shapes: list[Shape] = field(default_factory=list)
+    outlined: bool = False
     end: int = 0
 
 
@@ -323,11 +329,14 @@ def _inherit(above: State, attributes: dict[str, str]) -> State:
         css = {name: value for name, value in css.items() if value}
         matrix = compose(matrix, own_transform(css, attributes, above.view))
     visibility, fill = given("visibility"), given("fill")
+    outline, width = given("stroke"), given("stroke-width")
     return State(
         matrix=matrix,
         fill=above.fill if fill in ("", "inherit") else fill,
         fill_opacity=parse_share(given("fill-opacity"), above.fill_opacity),
         opacity=above.opacity * parse_share(given("opacity"), 1.0),
+        outline=above.outline if outline in ("", "inherit") else outline,
+        outline_width=above.outline_width if width in ("", "inherit") else width,
         visible=above.visible if visibility in ("", "inherit") else visibility == "visible",
         rendered=above.rendered and given("display") != "none",
         view=above.view,
@@ -360,3 +369,5 @@ def _add_shape(stroke: StrokeElement, tag: str, attributes: dict[str, str], stat
         return
     share = state.fill_opacity * float(rgba(state.fill)[3])
     stroke.shapes.append(Shape(tag, attributes, state.matrix, state.fill, state.opacity, share))
+    if tag == "path" and state.outline != "none" and not _NO_WIDTH.fullmatch(state.outline_width):
+        stroke.outlined |= bool(rgba(state.outline)[3] > 0.0)
