@@ -42,7 +42,6 @@ from .view_curvature import ViewFields
 # Mean edges: a denser mesh is smoothed over less than LineOptions.smooth, or it would take long.
 MAX_SMOOTH = 3.0
 REMEMBERED = "_lines"  # where a surface has what is known of its lines
-CREASES = ("crease_edges", "near_creases")  # what one crease angle decides
 SLIVERS = (0.1, 0.25)  # height of a face by its longest side; see trust_in_shape
 DUPLICATE_FACES, DUPLICATE_EDGES = 3, 14  # see SurfaceLines.near_creases
 FOLD_FACES, FOLD_EDGES = 6, 3

@@ -25,7 +25,6 @@ from .raster import Raster, of_pillow
 MAX_ENTRY = 2**29  # bytes of a picture within a zip
 MAX_TILE = 2**22  # bytes of a tile
 LISTED = 12  # layers that an error names
-ORA, KRA = "OpenRaster", "Krita"
 
 
 @dataclass(frozen=True)
