@@ -176,7 +176,7 @@ def test_splines_solve_their_equations():
         rows = np.concatenate([rows, held * np.eye(n)])
         values = np.concatenate([values, held * through])
         expected = np.linalg.lstsq(rows, values, rcond=None)[0]
-        np.testing.assert_allclose(found[offsets[k] : offsets[k + 1]], expected, atol=1e-5)
+        np.testing.assert_allclose(found[offsets[k] : offsets[k + 1]], expected, atol=1e-3)
 
 
 def test_spikes_are_left_out():

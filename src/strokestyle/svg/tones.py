@@ -32,7 +32,7 @@ MAX_POINTS = (
     85_000  # of all polygons: beyond it the slack grows, so that the file can be worked with
 )
 MAX_SLACK = 0.6  # px, the most that it grows to
-PRECISE = 1e-6  # px, to which control points are solved for
+PRECISE = 1e-4  # px, to which control points are solved for: they lie on a grid of .3
 HELD = 0.05  # weight of the spline through the points kept, beside 1 for each point of a contour
 SPECK = 3.0  # times the slack squared: regions and holes of less area are left out
 FOLD = 0.97  # of the radius of a bend, from its inside: texels beyond would be laid upside down
