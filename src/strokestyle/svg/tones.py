@@ -490,9 +490,10 @@ def without_spikes(polygon: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray
     """
     while True:
         before, after = _neighbours(offsets)
-        keep = (polygon != polygon[before]).any(axis=1)
+        x, y = (np.ascontiguousarray(axis) for axis in polygon.T)
+        keep = (x != x[before]) | (y != y[before])
         if keep.all():
-            keep = (polygon[before] != polygon[after]).any(axis=1)
+            keep = (x[before] != x[after]) | (y[before] != y[after])
             keep |= (np.diff(offsets) < 3).repeat(np.diff(offsets))
         if keep.all():
             return polygon, offsets
@@ -573,7 +574,11 @@ def fit_bsplines(
     piece, share = _places(xy, ends, keep, offsets)
     middle, weight = _basis(piece[free], share[free], after)
     # what places say of the control point before the middle one, of that itself and the one after
-    said = [_summed(middle, one[:, None] * xy[free], len(kept)) for one in weight]
+    columns = [np.ascontiguousarray(axis) for axis in xy[free].T]
+    said = [
+        np.stack([np.bincount(middle, one * axis, len(kept)) for axis in columns], axis=1)
+        for one in weight
+    ]
     right = HELD * through + said[0][after] + said[1] + said[2][before]
     product, diagonal = _normal_equations(middle, weight, before, after)
     return conjugate_gradients(product, diagonal, right, through, PRECISE)
@@ -640,11 +645,6 @@ def _normal_equations(
         return out[:, None].view(float)
 
     return product, own[:, None]
-
-
-def _summed(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Sum up values (M, 2) by their group (M,): (count, 2)."""
-    return np.stack([np.bincount(group, axis, count) for axis in values.T], axis=1)
 
 
 def _counted(keep: np.ndarray, offsets: np.ndarray) -> np.ndarray:
